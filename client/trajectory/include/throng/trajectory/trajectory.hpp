@@ -1,0 +1,64 @@
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+namespace throng::trajectory {
+
+/// How a file is to be read where it does not say so itself.
+struct ReadOptions {
+  std::optional<double> source_fps;        // frames per second; contradicting the file is an error
+  std::optional<double> source_unit_m;     // metres per unit of length (1 or 0.01); likewise
+  bool ground_z = false;                   // false: z is head height (archive) and is ignored
+  std::string format;                      // empty: told by content; else a name of `format_names()`
+};
+
+/// What is known of a file before its frames are read.
+struct Info {
+  std::string format;              // "jupedsim-sqlite", "archive-text", "csv", ...
+  double fps = 0.0;                // nominal rate; 0 when times are irregular
+  std::string walkable_area_wkt;   // empty if the file has none
+  std::vector<std::string> channel_names;  // extra columns that become colour channels
+  std::vector<std::string> notes;  // what was ignored or assumed, for the user
+};
+
+/// One sample of the crowd. Columns have one entry per agent; an absent agent has left.
+/// World frame: right-handed, +Z up, metres; heading in radians counter-clockwise from +X, NaN = unknown.
+struct Frame {
+  std::int64_t time_us = 0;                     // since the first frame, strictly increasing
+  std::vector<std::uint64_t> ids;               // unique within the frame
+  std::vector<double> x_m, y_m, z_m;            // z_m is empty when everybody stands on z = 0
+  std::vector<float> heading_rad;               // empty when the file has none
+  std::vector<std::vector<float>> channels;     // [channel][agent], as Info::channel_names
+};
+
+/// Frames of a trajectory file in order of time.
+class Reader {
+ public:
+  virtual ~Reader() = default;
+  virtual const Info& info() const = 0;
+  /// Fills `frame` and returns true, or returns false at the end.
+  /// InvalidArgument names file, line (or table and row), value and remedy.
+  virtual absl::StatusOr<bool> next(Frame& frame) = 0;
+  /// The name of an agent whose id in the file is a string; empty for plain integers.
+  virtual std::string agent_name(std::uint64_t id) const { return {}; }
+};
+
+/// Opens a file, telling its format by content. NotFound; InvalidArgument with file, line and remedy.
+absl::StatusOr<std::unique_ptr<Reader>> open(const std::string& path, const ReadOptions& options = {});
+
+/// Names that ReadOptions::format takes.
+std::vector<std::string> format_names();
+
+/// A string id as every producer, importer and run maps it: FNV-1a, 64 bit, of its UTF-8 bytes.
+std::uint64_t hash_id(const std::string& name);
+
+}  // namespace throng::trajectory

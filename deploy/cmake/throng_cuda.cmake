@@ -1,0 +1,12 @@
+# THRONG_WITH_CUDA: true where the CUDA toolkit is found (THRONG_CUDA=AUTO) or asked for (ON).
+set(THRONG_WITH_CUDA OFF)
+if(NOT THRONG_CUDA STREQUAL "OFF")
+  include(CheckLanguage)
+  check_language(CUDA)
+  if(CMAKE_CUDA_COMPILER)
+    set(THRONG_WITH_CUDA ON)
+  elseif(THRONG_CUDA STREQUAL "ON")
+    message(FATAL_ERROR "THRONG_CUDA is ON and no CUDA compiler was found (set CUDACXX)")
+  endif()
+endif()
+message(STATUS "throng: CUDA ${THRONG_WITH_CUDA}")
