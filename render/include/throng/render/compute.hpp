@@ -1,0 +1,152 @@
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <memory>
+#include <span>
+
+#include "throng/render/asset.hpp"
+#include "throng/render/camera.hpp"
+#include "throng/render/crowd.hpp"
+
+namespace throng::render {
+
+class WorkPool;  // render/compute/cpu/work_pool.hpp
+
+enum class BackendKind { kCpu, kCuda };
+enum class LodRule { kBudget, kDong2019 };
+
+/// Device copies; each backend derives its own.
+struct DeviceSnapshot {
+  virtual ~DeviceSnapshot() = default;
+};
+
+/// The crowd at one scene time: position, heading, pose, character of every slot [I].
+struct Instances {
+  virtual ~Instances() = default;
+  std::int64_t scene_time_us = 0;
+  std::uint32_t count = 0;    // I, slots; an empty slot is never visible
+  std::uint32_t present = 0;  // agents there
+  glm::dvec3 origin_world{0.0};
+};
+
+/// One camera's working set: visible list, counts, offsets, buffers. Used by one thread at a time.
+struct ViewWork {
+  virtual ~ViewWork() = default;
+};
+
+/// LOD selection by equation 1 of Dong & Peng 2019 with w_i = A_i / D_i, alpha = 3.
+struct Selection {
+  std::uint64_t vertex_budget = 1'000'000;  // N
+  float alpha = 3.0F;                       // only 3 is supported: cube roots decide, no pow
+  LodRule rule = LodRule::kBudget;          // kBudget deals out again what full instances leave
+};
+
+/// One vertex of the single batched buffer, skinned. 24 bytes.
+struct BatchVertex {
+  glm::vec3 position_relative;  // metres, world axes, relative to the camera's eye
+  glm::i16vec2 normal;          // octahedral snorm16, world axes
+  glm::u16vec2 uv;              // unorm16
+  std::uint32_t visible;        // index into the visible list
+};
+static_assert(sizeof(BatchVertex) == 24);
+
+/// What shading needs of a visible instance. 48 bytes.
+struct VisibleInstance {
+  glm::vec3 position_relative;  // of the feet
+  float heading_rad;
+  std::uint32_t slot;
+  std::uint32_t character;
+  std::uint32_t seed;           // tints
+  float scale;
+  float channel;                // value of the channel shown, NaN: none
+  float radius_m;               // of the bounding sphere
+  std::uint32_t vertex_count;   // n_i
+  std::uint32_t triangle_count; // t_i
+};
+static_assert(sizeof(VisibleInstance) == 48);
+
+/// What a rasterizer draws: the visible instances [V] and, in batched form, one vertex and one index
+/// array for all of them (the single batched buffer). Offsets are exclusive prefix sums in instance
+/// order [V+1]. The spans stay valid until the next call on the view they came from.
+struct FrameGeometry {
+  std::span<const VisibleInstance> instances;        // [V]
+  std::span<const std::uint32_t> vertex_offset;      // [V+1]
+  std::span<const std::uint32_t> triangle_offset;    // [V+1]
+  std::span<const BatchVertex> vertices;             // [vertex_offset[V]]
+  std::span<const std::uint32_t> indices;            // [3 * triangle_offset[V]], into vertices
+};
+
+/// Counters of the last frame of a view.
+struct ComputeCounters {
+  std::uint32_t agents = 0, visible = 0;
+  std::uint64_t vertices = 0, triangles = 0;
+  std::uint64_t effective_budget = 0;  // max(N, sum of n_min)
+};
+
+/// The data-parallel steps of one frame, on the processor or on the GPU.
+///
+/// World frame: right-handed, +Z up, metres. Matrices are named `to_from_source` and multiply
+/// column vectors. Shapes are in brackets: I counts all instances, V the visible ones. What is
+/// uploaded is immutable and shared by all views; a ViewWork is one camera's working set and is
+/// used by one thread at a time.
+///
+/// Errors: InvalidArgument for a shape or range the caller broke, FailedPrecondition for a call
+/// out of order, ResourceExhausted when memory runs out, Internal for a failed driver call.
+/// After an error the ViewWork's results are unspecified; everything else can still be used.
+class ComputeBackend {
+ public:
+  virtual ~ComputeBackend() = default;
+
+  /// Once, before anything else: the characters all snapshots refer to.
+  virtual absl::Status upload(std::shared_ptr<const Cast> cast) = 0;
+
+  /// Copies an agent frame to the device, once for all views. Columns are by slot [I].
+  virtual absl::StatusOr<std::shared_ptr<const DeviceSnapshot>> upload(
+      std::shared_ptr<const Snapshot> snapshot) = 0;
+
+  /// Instances at `scene_time_us`, which lies between the two snapshots or shortly after the newer.
+  /// @param channel  index of the channel that colours the agents, -1: none.
+  virtual absl::StatusOr<std::shared_ptr<const Instances>> advance(const DeviceSnapshot& older,
+                                                                   const DeviceSnapshot& newer,
+                                                                   std::int64_t scene_time_us,
+                                                                   const CrowdSettings& settings,
+                                                                   int channel) = 0;
+
+  virtual absl::StatusOr<std::unique_ptr<ViewWork>> make_view() = 0;
+
+  /// View frustum culling: keeps each instance whose sphere touches all half-spaces (planes are
+  /// row sums of the matrix, Gribb & Hartmann 2001). May keep one too many, never one too few.
+  virtual absl::Status cull(ViewWork& view, std::shared_ptr<const Instances> instances,
+                            const Camera& camera, const Viewport& viewport) = 0;
+
+  /// LOD selection: splits the vertex budget over the visible instances.
+  ///
+  ///     n_i = clamp(floor(N * w_i^(1/a) / sum_j w_j^(1/a)), n_min, C_i)   (Dong & Peng 2019, eq. 1)
+  ///
+  /// snapped down to a legal count. kBudget deals out again what full instances leave (at most 4
+  /// rounds) and never exceeds max(N, sum of n_min); kDong2019 stops after the first pass.
+  virtual absl::Status select(ViewWork& view, const Selection& selection) = 0;
+
+  /// Exclusive prefix sums of the counts: offsets into the single batched buffer.
+  virtual absl::Status allocate(ViewWork& view) = 0;
+
+  /// LOD mesh generation and linear blend skinning (equation 2, the sum starts at zero) into the
+  /// batched buffer.
+  virtual absl::Status generate(ViewWork& view) = 0;
+
+  virtual FrameGeometry geometry(const ViewWork& view) const = 0;
+  virtual ComputeCounters counters(const ViewWork& view) const = 0;
+
+  /// Copies the mask of the last `cull` to `visible` [I]: 1 kept, 0 culled. For tests and tools.
+  virtual absl::Status read_visible(const ViewWork& view, std::span<std::uint8_t> visible) = 0;
+};
+
+/// Unavailable when the kind was not built or this machine has no such device.
+/// @param threads  of the processor's backend; 0: one for each core.
+absl::StatusOr<std::unique_ptr<ComputeBackend>> make_backend(BackendKind kind, unsigned threads = 0);
+
+}  // namespace throng::render

@@ -1,0 +1,114 @@
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <glm/glm.hpp>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "throng/render/asset.hpp"
+
+namespace throng::render {
+
+/// Who is in a frame: column i of every frame with this membership belongs to ids[i].
+struct Membership {
+  std::uint64_t epoch = 0;                // the producer's number for it
+  std::vector<std::uint64_t> ids;         // unique
+  std::vector<std::string> names;         // empty, or by column (string ids)
+  std::vector<std::int32_t> characters;   // empty, or cast member by column; -1: chosen by id
+};
+
+/// One sample of all agents, as a producer sends it. Columns are by membership [A].
+struct AgentFrame {
+  std::int64_t time_us = 0;                        // scene time
+  std::shared_ptr<const Membership> membership;
+  std::vector<glm::vec3> position_m;               // [A] offset from the crowd's origin
+  std::vector<float> heading_rad;                  // [A] or empty; NaN: unknown, derived from motion
+  std::vector<std::vector<float>> channels;        // [channel][A], as CrowdSettings::channel_names
+};
+
+struct CrowdSettings {
+  glm::dvec3 origin_world{0.0};            // agents are float32 offsets from it
+  std::uint64_t seed = 0;                  // with the id, decides character, tint and size
+  std::vector<std::string> channel_names;
+  std::size_t history_limit_bytes = 256u << 20;  // oldest snapshots are dropped beyond it
+  std::int64_t extrapolate_limit_us = 500'000;   // a gap is extrapolated this long, then held
+};
+
+/// Constants of the agents, by slot [I]; shared by snapshots until the membership changes.
+/// A slot belongs to one agent while it lives and may be given to another later.
+struct Roster {
+  std::vector<std::uint64_t> id;
+  std::vector<std::uint16_t> character;  // cast member
+  std::vector<float> scale;              // of the model, about 1
+  std::vector<std::uint32_t> seed;       // hash of id and crowd seed: tints, phases, thresholds
+};
+
+/// The crowd at one moment. Immutable; columns are by slot [I]. What is derived from motion (heading,
+/// speed, walked cycles) is computed once, here, so a pose is a function of (snapshots, time, id).
+struct Snapshot {
+  std::int64_t time_us = 0;
+  std::shared_ptr<const Roster> roster;
+  std::vector<std::uint8_t> present;        // 0: the slot is empty
+  std::vector<glm::vec3> position_m;        // offset from the crowd's origin
+  std::vector<float> heading_rad;           // counter-clockwise from +X
+  std::vector<float> speed_mps;             // smoothed, decides between idle, walk and run
+  std::vector<double> walked_cycles;        // sum of step / stride: the phase of walk and run
+  std::vector<std::vector<float>> channels; // [channel][I]
+  glm::vec3 low_m{0.0F}, high_m{0.0F};      // box of the present agents
+  std::uint32_t present_count = 0;
+};
+
+/// Two snapshots around a scene time. `newer` equals `older` at either end of the history.
+struct Bracket {
+  std::shared_ptr<const Snapshot> older, newer;
+};
+
+struct CrowdCounters {
+  std::uint64_t frames = 0, late_frames = 0, duplicate_frames = 0, forgotten_frames = 0;
+};
+
+/// The history of one named crowd. Thread safe: one producer pushes, many viewers look.
+class Crowd {
+ public:
+  /// `cast` gives strides and weights; it must outlive the crowd.
+  Crowd(std::shared_ptr<const Cast> cast, CrowdSettings settings);
+
+  /// Adds a frame. A frame not newer than the newest is counted (late, duplicate) and dropped: OK.
+  /// InvalidArgument names the column, the row, the value and the limit: wrong length, a position
+  /// that is not finite or beyond 1e7 m, an id twice, an unknown character.
+  absl::Status push(AgentFrame frame);
+
+  /// The snapshots around `time_us`; both null while the crowd is empty.
+  Bracket bracket(std::int64_t time_us) const;
+  std::shared_ptr<const Snapshot> newest() const;
+  std::int64_t oldest_time_us() const;  // 0 while empty
+  CrowdCounters counters() const;
+  const CrowdSettings& settings() const { return settings_; }
+  const Cast& cast() const { return *cast_; }
+
+  /// A producer starts again: history and slots are forgotten.
+  void reset();
+
+ private:
+  struct Derive;
+  std::shared_ptr<const Cast> cast_;
+  CrowdSettings settings_;
+  mutable std::mutex mutex_;
+  std::deque<std::shared_ptr<const Snapshot>> history_;
+  std::size_t history_bytes_ = 0;
+  CrowdCounters counters_;
+  std::shared_ptr<const Membership> membership_;
+  std::vector<std::uint32_t> slot_of_column_;
+  std::unordered_map<std::uint64_t, std::uint32_t> slot_of_id_;
+  std::vector<std::uint32_t> free_slots_;
+};
+
+}  // namespace throng::render

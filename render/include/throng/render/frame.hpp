@@ -1,0 +1,64 @@
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <unordered_map>
+
+#include "throng/render/compute.hpp"
+#include "throng/render/raster.hpp"
+
+namespace throng::render {
+
+/// Milliseconds of each stage of one frame, by the names used everywhere.
+struct StageTimes {
+  double advance_ms = 0, cull_ms = 0, select_ms = 0, allocate_ms = 0, generate_ms = 0;
+  double raster_ms = 0, resolve_ms = 0, read_back_ms = 0, encode_ms = 0;
+};
+
+struct FrameStats {
+  StageTimes times;
+  ComputeCounters counters;
+  std::int64_t scene_time_us = 0;
+};
+
+struct ViewSettings {
+  Camera camera;
+  Viewport viewport;
+  Selection selection;
+  Look look;
+  int channel = -1;  // index of the channel that colours the agents
+};
+
+struct FramePipelineOptions {
+  BackendKind backend = BackendKind::kCpu;
+  RasterKind raster = RasterKind::kGl;
+  unsigned threads = 0;
+};
+
+/// The stages of a frame in order, for one view of one crowd at one time:
+/// advance, cull, select, allocate, generate, raster, resolve, read_back.
+/// One render loop owns it (the GL context stays on that thread); views and uploads are cached.
+class FramePipeline {
+ public:
+  static absl::StatusOr<std::unique_ptr<FramePipeline>> make(std::shared_ptr<const Cast> cast,
+                                                             const FramePipelineOptions& options);
+  ~FramePipeline();
+
+  /// Renders the crowd at `scene_time_us`. An empty crowd gives the empty scene.
+  absl::Status render(const Crowd& crowd, std::int64_t scene_time_us, const ViewSettings& settings,
+                      Picture& picture, FrameStats& stats);
+
+  RasterInfo raster_info() const;
+  std::string backend_name() const;
+
+ private:
+  FramePipeline();
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace throng::render

@@ -1,0 +1,70 @@
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "throng/render/asset.hpp"
+#include "throng/render/camera.hpp"
+#include "throng/render/compute.hpp"
+
+namespace throng::render {
+
+enum class RasterKind { kGl, kVisibility };
+
+/// 8-bit sRGB picture, rows from the top, 4 bytes a pixel (r g b and 255).
+struct Picture {
+  std::uint32_t width_px = 0;
+  std::uint32_t height_px = 0;
+  std::vector<std::uint8_t> rgbx;  // [height][width][4]
+};
+
+/// What a scene looks like beside its agents. Colours are linear.
+struct Look {
+  glm::vec3 sun_direction_world{0.45F, -0.55F, 0.70F};  // towards the sun, need not be unit length
+  glm::vec3 sun_color{2.6F, 2.45F, 2.2F};
+  glm::vec3 sky_color{0.55F, 0.68F, 0.90F};    // light from above, and the background's zenith
+  glm::vec3 ground_light{0.26F, 0.24F, 0.21F}; // light from below
+  glm::vec3 horizon_color{0.78F, 0.83F, 0.88F};
+  glm::vec3 ground_color{0.34F, 0.34F, 0.33F};
+  bool ground = true;          // plane z = 0 (of the crowd's origin) with a metre grid
+  bool shadows = true;         // contact shadows
+  float channel_low = 0.0F, channel_high = 1.0F;  // range of the channel's colours (viridis)
+  bool color_by_channel = false;
+};
+
+struct RasterInfo {
+  std::string name;    // "gl (Mesa llvmpipe, EGL surfaceless)"
+  std::string detail;  // vendor, renderer, version
+};
+
+/// Rasterization and shading of a frame. Not thread safe: one render loop owns it, and a GL context
+/// stays on the thread that first drew.
+class Rasterizer {
+ public:
+  virtual ~Rasterizer() = default;
+  virtual RasterInfo info() const = 0;
+
+  /// Textures of the cast, once.
+  virtual absl::Status upload(std::shared_ptr<const Cast> cast) = 0;
+
+  /// Draws batched geometry seen by `camera`; `picture` is resized to the viewport.
+  /// @param ground_relative_m  height of the ground plane relative to the eye.
+  /// InvalidArgument for a viewport outside 1..16384 px, ResourceExhausted, Internal (driver).
+  virtual absl::Status draw(const FrameGeometry& geometry, const Camera& camera,
+                            const Viewport& viewport, const glm::dvec3& origin_world,
+                            const Look& look, Picture& picture) = 0;
+};
+
+/// Unavailable with the reason (which EGL platforms were tried and what each said).
+absl::StatusOr<std::unique_ptr<Rasterizer>> make_rasterizer(RasterKind kind, unsigned threads = 0);
+
+/// What EGL can do on this machine, a line for each platform and device tried. For `throng doctor`.
+std::vector<std::string> describe_egl();
+
+}  // namespace throng::render
