@@ -1,0 +1,154 @@
+#include <absl/strings/str_cat.h>
+
+#include <array>
+#include <chrono>
+#include <utility>
+
+#include "throng/render/frame.hpp"
+
+namespace throng::render {
+namespace {
+
+/// Adds the time since the last call (or construction) to one stage.
+class StageClock {
+ public:
+  void stop(double& stage_ms) {
+    const auto now = std::chrono::steady_clock::now();
+    stage_ms += std::chrono::duration<double, std::milli>(now - last_).count();
+    last_ = now;
+  }
+
+ private:
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace
+
+struct FramePipeline::State {
+  std::shared_ptr<const Cast> cast;
+  std::unique_ptr<ComputeBackend> backend;
+  std::unique_ptr<Rasterizer> rasterizer;
+  std::unique_ptr<ViewWork> view;
+  std::string backend_name;
+
+  // What was uploaded last. Views that look at one crowd ask for the same two snapshots, and the
+  // newer one of this frame is the older one of the next, so a few entries are enough; the snapshot
+  // is kept alive so that its address can't be given to another one.
+  struct Uploaded {
+    std::shared_ptr<const Snapshot> snapshot;
+    std::shared_ptr<const DeviceSnapshot> device;
+  };
+  std::array<Uploaded, 8> uploads;
+  std::size_t next_upload = 0;
+
+  struct Advanced {
+    std::shared_ptr<const Snapshot> older, newer;
+    std::int64_t time_us = 0;
+    int channel = -1;
+    std::shared_ptr<const Instances> instances;
+  };
+  std::array<Advanced, 4> advanced;
+  std::size_t next_advanced = 0;
+
+  absl::StatusOr<std::shared_ptr<const DeviceSnapshot>> device_snapshot(
+      const std::shared_ptr<const Snapshot>& snapshot) {
+    for (const Uploaded& entry : uploads) {
+      if (entry.snapshot == snapshot) return entry.device;
+    }
+    absl::StatusOr<std::shared_ptr<const DeviceSnapshot>> device = backend->upload(snapshot);
+    if (!device.ok()) return device.status();
+    uploads[next_upload] = {snapshot, *device};
+    next_upload = (next_upload + 1) % uploads.size();
+    return *device;
+  }
+
+  absl::StatusOr<std::shared_ptr<const Instances>> instances_at(const Crowd& crowd,
+                                                                std::int64_t time_us, int channel) {
+    Bracket bracket = crowd.bracket(time_us);
+    if (bracket.older == nullptr) return std::shared_ptr<const Instances>();
+    for (const Advanced& entry : advanced) {
+      if (entry.instances != nullptr && entry.older == bracket.older &&
+          entry.newer == bracket.newer && entry.time_us == time_us && entry.channel == channel) {
+        return entry.instances;
+      }
+    }
+    auto older = device_snapshot(bracket.older);
+    if (!older.ok()) return older.status();
+    auto newer = device_snapshot(bracket.newer);
+    if (!newer.ok()) return newer.status();
+    auto instances = backend->advance(**older, **newer, time_us, crowd.settings(), channel);
+    if (!instances.ok()) return instances.status();
+    advanced[next_advanced] = {bracket.older, bracket.newer, time_us, channel, *instances};
+    next_advanced = (next_advanced + 1) % advanced.size();
+    return *instances;
+  }
+};
+
+FramePipeline::FramePipeline() : state_(std::make_unique<State>()) {}
+FramePipeline::~FramePipeline() = default;
+
+absl::StatusOr<std::unique_ptr<FramePipeline>> FramePipeline::make(
+    std::shared_ptr<const Cast> cast, const FramePipelineOptions& options) {
+  if (cast == nullptr || cast->members.empty()) {
+    return absl::InvalidArgumentError("make: the cast has 0 characters, must have at least 1");
+  }
+  std::unique_ptr<FramePipeline> pipeline(new FramePipeline());
+  State& state = *pipeline->state_;
+  state.cast = cast;
+  auto backend = make_backend(options.backend, options.threads);
+  if (!backend.ok()) return backend.status();
+  state.backend = *std::move(backend);
+  state.backend_name = options.backend == BackendKind::kCpu ? "cpu" : "cuda";
+  auto rasterizer = make_rasterizer(options.raster, options.threads);
+  if (!rasterizer.ok()) return rasterizer.status();
+  state.rasterizer = *std::move(rasterizer);
+  if (absl::Status status = state.backend->upload(cast); !status.ok()) return status;
+  if (absl::Status status = state.rasterizer->upload(cast); !status.ok()) return status;
+  auto view = state.backend->make_view();
+  if (!view.ok()) return view.status();
+  state.view = *std::move(view);
+  return pipeline;
+}
+
+absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_us,
+                                   const ViewSettings& settings, Picture& picture,
+                                   FrameStats& stats) {
+  State& state = *state_;
+  stats = {};
+  stats.scene_time_us = scene_time_us;
+  StageClock clock;
+
+  auto instances = state.instances_at(crowd, scene_time_us, settings.channel);
+  if (!instances.ok()) return instances.status();
+  clock.stop(stats.times.advance_ms);
+
+  FrameGeometry geometry;
+  if (*instances != nullptr) {
+    ViewWork& view = *state.view;
+    absl::Status status = state.backend->cull(view, *instances, settings.camera, settings.viewport);
+    if (!status.ok()) return status;
+    clock.stop(stats.times.cull_ms);
+    status = state.backend->select(view, settings.selection);
+    if (!status.ok()) return status;
+    clock.stop(stats.times.select_ms);
+    status = state.backend->allocate(view);
+    if (!status.ok()) return status;
+    clock.stop(stats.times.allocate_ms);
+    status = state.backend->generate(view);
+    if (!status.ok()) return status;
+    clock.stop(stats.times.generate_ms);
+    geometry = state.backend->geometry(view);
+    stats.counters = state.backend->counters(view);
+    stats.counters.agents = (*instances)->present;
+  }
+  absl::Status status =
+      state.rasterizer->draw(geometry, settings.camera, settings.viewport,
+                             crowd.settings().origin_world, settings.look, picture);
+  clock.stop(stats.times.raster_ms);
+  return status;
+}
+
+RasterInfo FramePipeline::raster_info() const { return state_->rasterizer->info(); }
+std::string FramePipeline::backend_name() const { return state_->backend_name; }
+
+}  // namespace throng::render

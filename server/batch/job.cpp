@@ -1,0 +1,388 @@
+#include "server/batch/job.hpp"
+
+#include <absl/strings/match.h>
+#include <absl/strings/str_cat.h>
+
+#include <algorithm>
+#include <cmath>
+#include <condition_variable>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <memory>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <thread>
+#include <utility>
+
+#include "server/batch/camera_path.hpp"
+#include "server/batch/synthetic.hpp"
+#include "throng/render/asset.hpp"
+#include "throng/render/crowd.hpp"
+#include "throng/render/encode.hpp"
+
+namespace throng::server {
+namespace {
+
+enum class OutputKind { kPng, kJpeg, kVideo };
+
+absl::StatusOr<OutputKind> output_kind(const std::string& path) {
+  if (absl::EndsWithIgnoreCase(path, ".png")) return OutputKind::kPng;
+  if (absl::EndsWithIgnoreCase(path, ".jpg") || absl::EndsWithIgnoreCase(path, ".jpeg")) {
+    return OutputKind::kJpeg;
+  }
+  if (absl::EndsWithIgnoreCase(path, ".mp4")) return OutputKind::kVideo;
+  return absl::InvalidArgumentError(
+      absl::StrCat("-o: '", path, "' must end with .png, .jpg or .mp4"));
+}
+
+absl::StatusOr<std::unique_ptr<trajectory::Reader>> open_source(const BatchJob& job) {
+  if (job.trajectory.empty()) {
+    return make_synthetic(job.synthetic_agents, job.seed, job.synthetic_seconds);
+  }
+  return trajectory::open(job.trajectory, job.read);
+}
+
+/// What the whole trajectory spans; the overview camera and the number of pictures depend on it.
+struct Span {
+  glm::dvec3 low{std::numeric_limits<double>::infinity()};
+  glm::dvec3 high{-std::numeric_limits<double>::infinity()};
+  std::int64_t last_us = 0;
+  std::uint64_t frames = 0;
+};
+
+absl::StatusOr<Span> measure(const BatchJob& job) {
+  auto reader = open_source(job);
+  if (!reader.ok()) return reader.status();
+  Span span;
+  trajectory::Frame frame;
+  while (true) {
+    const absl::StatusOr<bool> more = (*reader)->next(frame);
+    if (!more.ok()) return more.status();
+    if (!*more) break;
+    ++span.frames;
+    span.last_us = frame.time_us;
+    for (std::size_t i = 0; i < frame.ids.size(); ++i) {
+      const glm::dvec3 position(frame.x_m[i], frame.y_m[i], frame.z_m.empty() ? 0.0 : frame.z_m[i]);
+      span.low = glm::min(span.low, position);
+      span.high = glm::max(span.high, position);
+    }
+  }
+  if (span.frames == 0) {
+    return absl::InvalidArgumentError(absl::StrCat(job.trajectory, ": has no frame"));
+  }
+  if (!(span.low.x <= span.high.x)) span.low = span.high = glm::dvec3(0.0);
+  return span;
+}
+
+/// Feeds a crowd from a reader, just far enough ahead of the picture's time.
+class Feed {
+ public:
+  Feed(std::unique_ptr<trajectory::Reader> reader, render::Crowd& crowd)
+      : reader_(std::move(reader)), crowd_(crowd) {}
+
+  /// Pushes frames until the newest is at or after `time_us` or the file ends.
+  absl::Status advance_to(std::int64_t time_us) {
+    while (!ended_ && pushed_us_ < time_us) {
+      absl::StatusOr<bool> more = reader_->next(frame_);
+      if (!more.ok()) return more.status();
+      if (!*more) {
+        ended_ = true;
+        break;
+      }
+      if (absl::Status status = push(); !status.ok()) return status;
+    }
+    return absl::OkStatus();
+  }
+
+ private:
+  absl::Status push() {
+    if (membership_ == nullptr || membership_->ids != frame_.ids) {
+      auto membership = std::make_shared<render::Membership>();
+      membership->epoch = ++epoch_;
+      membership->ids = frame_.ids;
+      membership_ = std::move(membership);
+    }
+    const glm::dvec3 origin = crowd_.settings().origin_world;
+    render::AgentFrame agents;
+    agents.time_us = frame_.time_us;
+    agents.membership = membership_;
+    agents.position_m.resize(frame_.ids.size());
+    for (std::size_t i = 0; i < frame_.ids.size(); ++i) {
+      const double z_m = frame_.z_m.empty() ? 0.0 : frame_.z_m[i];
+      agents.position_m[i] = glm::vec3(glm::dvec3(frame_.x_m[i], frame_.y_m[i], z_m) - origin);
+    }
+    agents.heading_rad = frame_.heading_rad;
+    agents.channels = frame_.channels;
+    pushed_us_ = frame_.time_us;
+    return crowd_.push(std::move(agents));
+  }
+
+  std::unique_ptr<trajectory::Reader> reader_;
+  render::Crowd& crowd_;
+  trajectory::Frame frame_;
+  std::shared_ptr<const render::Membership> membership_;
+  std::uint64_t epoch_ = 0;
+  std::int64_t pushed_us_ = std::numeric_limits<std::int64_t>::min();
+  bool ended_ = false;
+};
+
+/// Encodes and writes pictures beside the render loop, one behind it.
+class PictureSink {
+ public:
+  PictureSink(OutputKind kind, int jpeg_quality, render::VideoWriter* video)
+      : kind_(kind), jpeg_quality_(jpeg_quality), video_(video), thread_([this] { run(); }) {}
+
+  ~PictureSink() { drain(); }
+
+  /// Waits until the picture before has been written, then takes this one.
+  void add(render::Picture picture, std::string path, std::int64_t time_us) {
+    std::unique_lock lock(mutex_);
+    idle_.wait(lock, [this] { return !waiting_; });
+    picture_ = std::move(picture);
+    path_ = std::move(path);
+    time_us_ = time_us;
+    waiting_ = true;
+    work_.notify_one();
+  }
+
+  /// Writes what is left. After it: which files failed, and why.
+  const std::vector<std::pair<std::string, absl::Status>>& drain() {
+    {
+      std::unique_lock lock(mutex_);
+      idle_.wait(lock, [this] { return !waiting_; });
+      ended_ = true;
+      work_.notify_one();
+    }
+    if (thread_.joinable()) thread_.join();
+    return failures_;
+  }
+
+ private:
+  absl::Status write() {
+    if (kind_ == OutputKind::kVideo) return video_->add(picture_.rgbx, time_us_);
+    const std::filesystem::path folder = std::filesystem::path(path_).parent_path();
+    if (!folder.empty()) {
+      std::error_code error;
+      std::filesystem::create_directories(folder, error);
+      if (error) {
+        return absl::UnavailableError(
+            absl::StrCat(folder.string(), ": can't be made: ", error.message()));
+      }
+    }
+    if (kind_ == OutputKind::kPng) {
+      auto bytes = render::encode_png(picture_.rgbx, picture_.width_px, picture_.height_px);
+      return bytes.ok() ? render::write_file(path_, *bytes) : bytes.status();
+    }
+    auto bytes = jpeg_.encode(picture_.rgbx, picture_.width_px, picture_.height_px, jpeg_quality_);
+    return bytes.ok() ? render::write_file(path_, *bytes) : bytes.status();
+  }
+
+  void run() {
+    std::unique_lock lock(mutex_);
+    while (true) {
+      work_.wait(lock, [this] { return waiting_ || ended_; });
+      if (!waiting_) return;
+      lock.unlock();
+      absl::Status status = write();
+      lock.lock();
+      if (!status.ok()) failures_.emplace_back(path_, std::move(status));
+      waiting_ = false;
+      idle_.notify_all();
+    }
+  }
+
+  OutputKind kind_;
+  int jpeg_quality_;
+  render::VideoWriter* video_;
+  render::JpegEncoder jpeg_;
+  std::mutex mutex_;
+  std::condition_variable work_, idle_;
+  bool waiting_ = false, ended_ = false;
+  render::Picture picture_;
+  std::string path_;
+  std::int64_t time_us_ = 0;
+  std::vector<std::pair<std::string, absl::Status>> failures_;
+  std::thread thread_;
+};
+
+std::string stats_line(std::uint32_t number, const std::string& path,
+                       const render::FrameStats& stats) {
+  const render::StageTimes& t = stats.times;
+  const nlohmann::ordered_json line = {{"frame", number},
+                                       {"path", path},
+                                       {"scene_time_us", stats.scene_time_us},
+                                       {"agents", stats.counters.agents},
+                                       {"visible", stats.counters.visible},
+                                       {"vertices", stats.counters.vertices},
+                                       {"triangles", stats.counters.triangles},
+                                       {"effective_budget", stats.counters.effective_budget},
+                                       {"advance_ms", t.advance_ms},
+                                       {"cull_ms", t.cull_ms},
+                                       {"select_ms", t.select_ms},
+                                       {"allocate_ms", t.allocate_ms},
+                                       {"generate_ms", t.generate_ms},
+                                       {"raster_ms", t.raster_ms},
+                                       {"resolve_ms", t.resolve_ms},
+                                       {"read_back_ms", t.read_back_ms}};
+  return line.dump() + "\n";
+}
+
+BatchOutcome failure(ExitCode code, std::string error) {
+  BatchOutcome outcome;
+  outcome.code = code;
+  outcome.error = std::move(error);
+  return outcome;
+}
+
+ExitCode input_code(const absl::Status& status) {
+  return absl::IsInternal(status) ? ExitCode::kInternal : ExitCode::kBadInput;
+}
+
+}  // namespace
+
+BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
+                       const std::atomic<bool>& stop) {
+  // everything that can be refused is refused before the first picture
+  const absl::StatusOr<OutputKind> kind = output_kind(job.output);
+  if (!kind.ok()) return failure(ExitCode::kUsage, std::string(kind.status().message()));
+  std::optional<NumberedPath> pattern;
+  if (*kind != OutputKind::kVideo) {
+    absl::StatusOr<NumberedPath> parsed = NumberedPath::parse(job.output);
+    if (!parsed.ok()) return failure(ExitCode::kUsage, std::string(parsed.status().message()));
+    pattern = *std::move(parsed);
+  } else if (job.shard.count > 1 || job.skip_existing) {
+    return failure(ExitCode::kUsage,
+                   "-o: a video is one file; --shard and --skip-existing want numbered pictures");
+  }
+  const absl::StatusOr<Span> span = measure(job);
+  if (!span.ok()) return failure(input_code(span.status()), std::string(span.status().message()));
+  const auto last = static_cast<std::uint32_t>(
+      std::min(1e8, std::floor(static_cast<double>(span->last_us) * 1e-6 * job.fps + 1e-6) + 1));
+  absl::StatusOr<std::vector<std::uint32_t>> numbers = parse_frame_numbers(job.frames, last);
+  if (!numbers.ok()) return failure(ExitCode::kUsage, std::string(numbers.status().message()));
+  if (numbers->empty()) {
+    return failure(ExitCode::kUsage,
+                   absl::StrCat("--frames: '", job.frames, "' is beyond the last ", "picture, ",
+                                last, " at ", job.fps, " fps"));
+  }
+  const std::vector<std::uint32_t> mine = shard_of(*numbers, job.shard.index, job.shard.count);
+
+  const glm::dvec3 person_m(0.0, 0.0, 1.9);
+  absl::StatusOr<CameraPath> camera =
+      CameraPath(render::overview_camera(span->low, span->high + person_m, job.viewport));
+  if (job.camera != "overview") camera = CameraPath::read(job.camera);
+  if (!camera.ok()) {
+    return failure(ExitCode::kBadInput, std::string(camera.status().message()));
+  }
+
+  absl::StatusOr<render::Cast> cast = render::read_cast(job.cast);
+  if (!cast.ok()) return failure(ExitCode::kBadInput, std::string(cast.status().message()));
+  const auto shared_cast = std::make_shared<const render::Cast>(*std::move(cast));
+
+  auto reader = open_source(job);
+  if (!reader.ok()) {
+    return failure(input_code(reader.status()), std::string(reader.status().message()));
+  }
+  const trajectory::Info info = (*reader)->info();
+  render::CrowdSettings crowd_settings;
+  // near the agents, so that float32 offsets are fine anywhere in the world
+  crowd_settings.origin_world = glm::dvec3(glm::round((span->low.x + span->high.x) / 2),
+                                           glm::round((span->low.y + span->high.y) / 2), 0.0);
+  crowd_settings.seed = job.seed;
+  crowd_settings.channel_names = info.channel_names;
+  render::ViewSettings view;
+  view.viewport = job.viewport;
+  view.selection = job.selection;
+  view.look = job.look;
+  if (!job.channel.empty()) {
+    const auto found = std::find(info.channel_names.begin(), info.channel_names.end(), job.channel);
+    if (found == info.channel_names.end()) {
+      std::string known;
+      for (const std::string& name : info.channel_names) absl::StrAppend(&known, " ", name);
+      return failure(ExitCode::kUsage, absl::StrCat("--channel: '", job.channel, "' is not one of",
+                                                    known.empty() ? " none" : known));
+    }
+    view.channel = static_cast<int>(found - info.channel_names.begin());
+    view.look.color_by_channel = true;
+    view.look.channel_low = static_cast<float>(job.channel_low);
+    view.look.channel_high = static_cast<float>(job.channel_high);
+  }
+
+  auto pipeline = render::FramePipeline::make(shared_cast, job.pipeline);
+  if (!pipeline.ok()) {
+    return failure(ExitCode::kNoRenderer, std::string(pipeline.status().message()));
+  }
+
+  BatchOutcome outcome;
+  outcome.notes = info.notes;
+  std::unique_ptr<render::VideoWriter> video;
+  if (*kind == OutputKind::kVideo) {
+    auto opened =
+        render::open_video(job.output, job.viewport.width_px, job.viewport.height_px, job.fps);
+    if (!opened.ok()) return failure(ExitCode::kOutput, std::string(opened.status().message()));
+    video = *std::move(opened);
+  }
+  std::ofstream stats_file;
+  if (!job.stats.empty()) {
+    stats_file.open(job.stats, std::ios::binary | std::ios::trunc);
+    if (!stats_file)
+      return failure(ExitCode::kOutput, absl::StrCat(job.stats, ": can't be written"));
+  }
+
+  render::Crowd crowd(shared_cast, crowd_settings);
+  Feed feed(*std::move(reader), crowd);
+  PictureSink sink(*kind, job.jpeg_quality, video.get());
+  const auto total = static_cast<std::uint32_t>(mine.size());
+  std::vector<std::string> failed;
+  for (std::uint32_t i = 0; i < total && !stop; ++i) {
+    const std::uint32_t number = mine[i];
+    const std::string path = pattern ? pattern->at(number) : job.output;
+    std::error_code ignored;
+    if (job.skip_existing && std::filesystem::is_regular_file(path, ignored)) {
+      ++outcome.skipped;
+      if (progress) progress(i + 1, total, path);
+      continue;
+    }
+    const double time_s = (number - 1) / job.fps;
+    const std::int64_t time_us = std::llround(time_s * 1e6);
+    if (absl::Status status = feed.advance_to(time_us); !status.ok()) {
+      outcome.code = ExitCode::kBadInput;
+      outcome.error = std::string(status.message());
+      break;
+    }
+    view.camera = camera->at(time_s);
+    render::Picture picture;
+    render::FrameStats stats;
+    if (absl::Status status = (*pipeline)->render(crowd, time_us, view, picture, stats);
+        !status.ok()) {
+      failed.push_back(absl::StrCat(path, ": ", status.message()));
+      continue;
+    }
+    if (stats_file.is_open()) stats_file << stats_line(number, path, stats);
+    sink.add(std::move(picture), path, std::llround(i / job.fps * 1e6));
+    ++outcome.written;
+    if (progress) progress(i + 1, total, path);
+  }
+  for (const auto& [path, status] : sink.drain()) {
+    failed.push_back(std::string(status.message()));
+    --outcome.written;
+  }
+  if (video != nullptr && outcome.written > 0) {
+    if (absl::Status status = video->finish(); !status.ok()) {
+      failed.push_back(std::string(status.message()));
+    }
+  }
+  if (stats_file.is_open() && !stats_file.flush()) {
+    failed.push_back(absl::StrCat(job.stats, ": can't be written"));
+  }
+  if (!failed.empty() && outcome.code == ExitCode::kOk) {
+    outcome.code = outcome.written == 0 ? ExitCode::kOutput : ExitCode::kSomeFramesFailed;
+    outcome.error = failed.size() == 1
+                        ? failed[0]
+                        : absl::StrCat(failed[0], " (and ", failed.size() - 1, " more)");
+  }
+  return outcome;
+}
+
+}  // namespace throng::server

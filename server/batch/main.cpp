@@ -1,0 +1,206 @@
+// throng-render: a trajectory and a camera in, numbered pictures or a video out.
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <string>
+
+#include "server/batch/job.hpp"
+
+namespace {
+
+using throng::server::BatchJob;
+using throng::server::BatchOutcome;
+using throng::server::ExitCode;
+
+std::atomic<bool> stop_requested = false;
+volatile std::sig_atomic_t stop_signal = 0;
+
+extern "C" void on_signal(int signal) {
+  stop_signal = signal;
+  stop_requested.store(true);  // lock-free, so allowed here
+}
+
+constexpr const char* kFooter = R"(Examples:
+  throng-render run.sqlite -o out/####.png
+  throng-render walk.txt --source-fps 16 --source-unit cm -o walk.mp4 --size 1920x1080
+  throng-render run.sqlite -o out/%05d.jpg --frames 1-200x2 --camera path.json
+  throng-render run.sqlite -o out/####.png --shard 2/3      (or auto on Slurm and Kubernetes)
+  throng-render --synthetic 30000 --seed 7 -o crowd/####.png --frames 1-25
+
+Exit codes: 0 all pictures written, 1 internal error, 2 usage, 3 bad input, 4 nothing to render with,
+  5 output can't be written, 6 some pictures failed, 130 or 143 stopped by Ctrl-C or SIGTERM.)";
+
+bool parse_pair(const std::string& text, char separator, double& first, double& second) {
+  const std::size_t at = text.find(separator);
+  if (at == std::string::npos) return false;
+  return CLI::detail::lexical_cast(text.substr(0, at), first) &&
+         CLI::detail::lexical_cast(text.substr(at + 1), second);
+}
+
+/// The cast that the build or the installation put beside the program.
+std::string default_cast() {
+  std::error_code error;
+  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
+  const std::filesystem::path root = program.parent_path().parent_path();
+  for (const char* place : {"cast", "share/throng/cast"}) {
+    if (std::filesystem::exists(root / place / "cast.json", error)) return (root / place).string();
+  }
+  return {};
+}
+
+void show_progress(std::uint32_t done, std::uint32_t total, const std::string& path) {
+  static const bool terminal = isatty(STDERR_FILENO) == 1;
+  if (!terminal) {
+    std::printf("frame %u/%u %s\n", done, total, path.c_str());
+    std::fflush(stdout);
+    return;
+  }
+  constexpr int kWidth = 40;
+  const int filled = static_cast<int>(static_cast<std::uint64_t>(kWidth) * done / total);
+  std::fprintf(stderr, "\r[%.*s%*s] %u/%u %s\033[K", filled,
+               "########################################", kWidth - filled, "", done, total,
+               path.c_str());
+  if (done == total) std::fputc('\n', stderr);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("throng-render: turns a trajectory file into pictures of a walking crowd.");
+  app.footer(kFooter);
+  app.set_version_flag("--version", "throng-render " THRONG_VERSION);
+  BatchJob job;
+  std::string size = "1280x720", unit, z_rule, shard = "1/1", channel_range, lod = "budget",
+              raster = "auto";
+  double source_fps = 0.0;
+  app.add_option("trajectory", job.trajectory,
+                 "Trajectory file (JuPedSim sqlite, archive text, CSV ...)")
+      ->type_name("FILE");
+  app.add_option("-o,--output", job.output, "out/####.png, out/%04d.jpg, out/$F4.png or one .mp4")
+      ->required()
+      ->type_name("PATH");
+  app.add_option("--cast", job.cast, "Folder of baked characters (default: the built-in cast)")
+      ->type_name("DIR");
+  app.add_option("--size", size, "Size of the pictures, px")
+      ->capture_default_str()
+      ->type_name("WxH");
+  app.add_option("--fps", job.fps, "Pictures per second of scene time")
+      ->capture_default_str()
+      ->check(CLI::Range(0.001, 1000.0));
+  app.add_option("--frames", job.frames, "Pictures to render, from 1: 5 or 1-100x2,205")
+      ->type_name("SPEC");
+  app.add_option("--camera", job.camera, "overview, or a JSON camera file")
+      ->capture_default_str()
+      ->type_name("overview|FILE");
+  app.add_option("--vertex-budget", job.selection.vertex_budget,
+                 "Vertices per picture over the crowd, N")
+      ->capture_default_str()
+      ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{1'000'000'000}));
+  app.add_option("--lod", lod, "Rule that deals out the budget")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"budget", "dong2019"}));
+  app.add_option("--shard", shard, "Render part I of N, or auto")
+      ->capture_default_str()
+      ->type_name("I/N|auto");
+  app.add_option("--stats", job.stats, "Write counts and stage times, one JSON line per picture")
+      ->type_name("FILE.jsonl");
+  app.add_option("--synthetic", job.synthetic_agents,
+                 "A walking crowd of this many agents, without a file")
+      ->type_name("AGENTS")
+      ->check(CLI::Range(1U, 4'000'000U));
+  app.add_option("--synthetic-seconds", job.synthetic_seconds, "How long the synthetic crowd walks")
+      ->capture_default_str()
+      ->check(CLI::Range(0.1, 36000.0));
+  app.add_option("--seed", job.seed, "With an agent's id, decides character, colours and size")
+      ->capture_default_str();
+  app.add_option("--channel", job.channel, "Colour the agents by this column of the file")
+      ->type_name("NAME");
+  app.add_option("--channel-range", channel_range,
+                 "Values at the ends of the colour scale (default 0:1)")
+      ->type_name("LOW:HIGH");
+  app.add_option("--source-fps", source_fps, "Frame rate of the file, where it does not say")
+      ->check(CLI::Range(0.001, 10000.0));
+  app.add_option("--source-unit", unit, "Unit of length of the file, where it does not say")
+      ->check(CLI::IsMember({"m", "cm"}));
+  app.add_option("--z", z_rule, "What the file's z is: ground height, or head height (ignored)")
+      ->check(CLI::IsMember({"ground", "head"}));
+  app.add_option("--format", job.read.format,
+                 "Format of the file, where it can't be told by content");
+  app.add_option("--jpeg-quality", job.jpeg_quality, "1 to 100")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 100));
+  app.add_option("--raster", raster, "Rasterizer")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"auto", "gl", "visibility"}));
+  app.add_option("--threads", job.pipeline.threads, "Worker threads, 0: one for each core")
+      ->capture_default_str()
+      ->check(CLI::Range(0U, 1024U));
+  app.add_flag("--skip-existing", job.skip_existing, "Leave pictures alone that are there already");
+  bool no_shadows = false, no_ground = false;
+  app.add_flag("--no-shadows", no_shadows, "Draw no contact shadows");
+  app.add_flag("--no-ground", no_ground, "Draw no ground");
+  bool quiet = false;
+  app.add_flag("-q,--quiet", quiet, "No progress");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    const int code = app.exit(error);
+    return code == 0 ? 0 : static_cast<int>(ExitCode::kUsage);
+  }
+  const auto usage = [](const std::string& message) {
+    std::fprintf(stderr, "throng-render: %s\n", message.c_str());
+    return static_cast<int>(ExitCode::kUsage);
+  };
+
+  if (job.trajectory.empty() == (job.synthetic_agents == 0)) {
+    return usage("give either a trajectory file or --synthetic AGENTS");
+  }
+  double width = 0, height = 0;
+  if (!parse_pair(size, 'x', width, height) || width < 1 || height < 1 || width > 16384 ||
+      height > 16384) {
+    return usage("--size: '" + size + "' must be WxH with 1 to 16384 px a side");
+  }
+  job.viewport = {static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height)};
+  if (!channel_range.empty() &&
+      (!parse_pair(channel_range, ':', job.channel_low, job.channel_high) ||
+       job.channel_low == job.channel_high)) {
+    return usage("--channel-range: '" + channel_range + "' must be LOW:HIGH with LOW != HIGH");
+  }
+  const auto parsed_shard = throng::server::parse_shard(shard);
+  if (!parsed_shard.ok()) return usage(std::string(parsed_shard.status().message()));
+  job.shard = *parsed_shard;
+  if (source_fps > 0) job.read.source_fps = source_fps;
+  if (!unit.empty()) job.read.source_unit_m = unit == "cm" ? 0.01 : 1.0;
+  job.read.ground_z = z_rule == "ground";
+  job.selection.rule =
+      lod == "dong2019" ? throng::render::LodRule::kDong2019 : throng::render::LodRule::kBudget;
+  job.pipeline.raster = raster == "visibility" ? throng::render::RasterKind::kVisibility
+                                               : throng::render::RasterKind::kGl;
+  job.look.shadows = !no_shadows;
+  job.look.ground = !no_ground;
+  if (job.cast.empty()) job.cast = default_cast();
+  if (job.cast.empty()) {
+    return usage(
+        "no built-in cast beside the program; bake one with "
+        "'throng-bake --builtin -o cast' and give --cast cast");
+  }
+
+  std::signal(SIGINT, on_signal);
+  std::signal(SIGTERM, on_signal);
+  const BatchOutcome outcome = throng::server::run_batch(
+      job, quiet ? throng::server::BatchProgress() : show_progress, stop_requested);
+  for (const std::string& note : outcome.notes) {
+    std::fprintf(stderr, "throng-render: note: %s\n", note.c_str());
+  }
+  if (!outcome.error.empty()) std::fprintf(stderr, "throng-render: %s\n", outcome.error.c_str());
+  if (!quiet) {
+    std::fprintf(stderr, "throng-render: %u written, %u there already\n", outcome.written,
+                 outcome.skipped);
+  }
+  if (stop_signal != 0) return 128 + stop_signal;
+  return static_cast<int>(outcome.code);
+}
