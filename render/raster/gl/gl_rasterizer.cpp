@@ -1,0 +1,676 @@
+#include "raster/gl/gl_rasterizer.hpp"
+
+#include <absl/strings/str_cat.h>
+#include <epoxy/gl.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <new>
+#include <vector>
+
+#include "raster/element/color.hpp"
+#include "raster/element/tint.hpp"
+#include "raster/gl/cast_textures.hpp"
+#include "raster/gl/egl_context.hpp"
+#include "raster/gl/shaders.hpp"
+
+namespace throng::render::gl {
+namespace {
+
+constexpr std::uint32_t kMaxSidePx = 16384;
+// A picture beyond either is drawn in tiles: four samples of 16384x16384 would be 8 GiB.
+constexpr std::uint32_t kTargetMaxSidePx = 8192;
+constexpr std::uint64_t kTargetMaxPixels = 4096ull * 2304;
+constexpr std::uint32_t kTilePx = 2048;
+
+// Agents at least this tall cast a projected figure's shadow (fading in to the second); the others a
+// soft ellipse.
+constexpr float kCastShadowFromPx = 40.0F, kCastShadowFullPx = 64.0F;
+
+// Mirrors `Frame` in shaders.cpp (std140).
+struct FrameUniforms {
+  glm::mat4 clip_from_relative;
+  glm::vec4 sun_direction, sun_color, sky_color, ground_light, horizon_color, ground_color;
+  glm::vec4 ray_origin, ray_origin_x, ray_origin_y, ray_direction, ray_direction_x, ray_direction_y;
+  glm::vec4 grid;
+};
+
+// Mirrors `Instance` in shaders.cpp (std430).
+struct InstanceData {
+  glm::vec4 feet_height;
+  std::uint32_t tints[4];
+  std::uint32_t layer, channel;
+  float cast_shadow, padding;
+};
+static_assert(sizeof(InstanceData) == 48);
+
+absl::Status gl_failed(const char* call) {
+  const GLenum code = glGetError();
+  if (code == GL_NO_ERROR) return absl::OkStatus();
+  const std::string message = absl::StrCat("gl draw: ", call, ": GL error 0x", absl::Hex(code));
+  while (glGetError() != GL_NO_ERROR) {
+  }
+  if (code == GL_OUT_OF_MEMORY) return absl::ResourceExhaustedError(message);
+  return absl::InternalError(message);
+}
+
+/// A buffer that stays mapped. A draw ends with a read-back, so nobody reads it when it is written.
+class MappedBuffer {
+ public:
+  ~MappedBuffer() { release(); }
+  void release() {
+    if (name_ != 0) glDeleteBuffers(1, &name_);
+    name_ = 0;
+    size_bytes_ = 0;
+    data_ = nullptr;
+  }
+  absl::Status reserve(std::size_t size_bytes) {
+    size_bytes = std::max<std::size_t>(size_bytes, 256);
+    if (size_bytes <= size_bytes_) return absl::OkStatus();
+    size_bytes += size_bytes / 2;
+    release();
+    constexpr GLbitfield kFlags = GL_MAP_WRITE_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
+    glCreateBuffers(1, &name_);
+    glNamedBufferStorage(name_, static_cast<GLsizeiptr>(size_bytes), nullptr, kFlags);
+    data_ = glMapNamedBufferRange(name_, 0, static_cast<GLsizeiptr>(size_bytes), kFlags);
+    if (data_ == nullptr) {
+      while (glGetError() != GL_NO_ERROR) {
+      }
+      release();
+      return absl::ResourceExhaustedError(
+          absl::StrCat("gl draw: no buffer of ", size_bytes, " bytes"));
+    }
+    size_bytes_ = size_bytes;
+    return absl::OkStatus();
+  }
+  GLuint name() const { return name_; }
+  void* data() const { return data_; }
+
+ private:
+  GLuint name_ = 0;
+  std::size_t size_bytes_ = 0;
+  void* data_ = nullptr;
+};
+
+/// Four samples a pixel, and what they are resolved to.
+struct Target {
+  std::uint32_t width_px = 0, height_px = 0;
+  GLuint color = 0, depth = 0, resolved = 0;  // renderbuffers
+  GLuint draw_fbo = 0, read_fbo = 0;
+  std::uint64_t last_use = 0;
+
+  void release() {
+    const GLuint buffers[] = {color, depth, resolved};
+    const GLuint fbos[] = {draw_fbo, read_fbo};
+    glDeleteRenderbuffers(3, buffers);
+    glDeleteFramebuffers(2, fbos);
+    *this = Target{};
+  }
+};
+
+absl::StatusOr<GLuint> compile(GLenum stage, const char* name, const std::string& source) {
+  const GLuint shader = glCreateShader(stage);
+  const char* text = source.c_str();
+  glShaderSource(shader, 1, &text, nullptr);
+  glCompileShader(shader);
+  GLint ok = GL_FALSE;
+  glGetShaderiv(shader, GL_COMPILE_STATUS, &ok);
+  if (ok == GL_TRUE) return shader;
+  char log[1024] = "";
+  glGetShaderInfoLog(shader, sizeof(log), nullptr, log);
+  glDeleteShader(shader);
+  return absl::InternalError(absl::StrCat("gl: shader ", name, ": ", log));
+}
+
+absl::StatusOr<GLuint> link(const char* name, const std::string& vertex, const std::string& fragment) {
+  auto vertex_shader = compile(GL_VERTEX_SHADER, name, vertex);
+  if (!vertex_shader.ok()) return vertex_shader.status();
+  auto fragment_shader = compile(GL_FRAGMENT_SHADER, name, fragment);
+  if (!fragment_shader.ok()) {
+    glDeleteShader(*vertex_shader);
+    return fragment_shader.status();
+  }
+  const GLuint program = glCreateProgram();
+  glAttachShader(program, *vertex_shader);
+  glAttachShader(program, *fragment_shader);
+  glLinkProgram(program);
+  glDeleteShader(*vertex_shader);
+  glDeleteShader(*fragment_shader);
+  GLint ok = GL_FALSE;
+  glGetProgramiv(program, GL_LINK_STATUS, &ok);
+  if (ok == GL_TRUE) return program;
+  char log[1024] = "";
+  glGetProgramInfoLog(program, sizeof(log), nullptr, log);
+  glDeleteProgram(program);
+  return absl::InternalError(absl::StrCat("gl: program ", name, ": ", log));
+}
+
+class GlRasterizer final : public Rasterizer {
+ public:
+  explicit GlRasterizer(std::unique_ptr<EglContext> context) : context_(std::move(context)) {}
+
+  ~GlRasterizer() override {
+    BoundContext bound(*context_);
+    if (!bound.status().ok()) return;
+    for (Target& target : targets_) target.release();
+    vertices_.release();
+    indices_.release();
+    instances_.release();
+    const GLuint textures[] = {base_color_, tint_mask_};
+    glDeleteTextures(2, textures);
+    glDeleteBuffers(1, &uniforms_);
+    glDeleteVertexArrays(1, &mesh_array_);
+    glDeleteVertexArrays(1, &empty_array_);
+    for (GLuint program : {agents_, blobs_, cast_shadows_, background_}) glDeleteProgram(program);
+  }
+
+  absl::Status prepare() {
+    BoundContext bound(*context_);
+    if (!bound.status().ok()) return bound.status();
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &max_texture_px_);
+    glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &max_layers_);
+    glGetIntegerv(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &max_storage_bytes_);
+
+    struct Wanted {
+      GLuint* program;
+      const char* name;
+      std::string vertex, fragment;
+    };
+    const Wanted wanted[] = {
+        {&blobs_, "blobs", blob_vertex_shader(), blob_fragment_shader()},
+        {&cast_shadows_, "cast shadows", cast_shadow_vertex_shader(), cast_shadow_fragment_shader()},
+        {&background_, "background", background_vertex_shader(), background_fragment_shader()}};
+    for (const Wanted& one : wanted) {
+      auto program = link(one.name, one.vertex, one.fragment);
+      if (!program.ok()) return program.status();
+      *one.program = *program;
+    }
+    if (auto status = compile_agents(ShaderOptions{}); !status.ok()) return status;
+
+    glCreateBuffers(1, &uniforms_);
+    glNamedBufferStorage(uniforms_, sizeof(FrameUniforms), nullptr, GL_DYNAMIC_STORAGE_BIT);
+    glCreateVertexArrays(1, &empty_array_);
+    glCreateVertexArrays(1, &mesh_array_);
+    for (GLuint attribute : {0u, 1u, 2u, 3u}) {
+      glEnableVertexArrayAttrib(mesh_array_, attribute);
+      glVertexArrayAttribBinding(mesh_array_, attribute, 0);
+    }
+    glVertexArrayAttribFormat(mesh_array_, 0, 3, GL_FLOAT, GL_FALSE,
+                              offsetof(BatchVertex, position_relative));
+    glVertexArrayAttribFormat(mesh_array_, 1, 2, GL_SHORT, GL_TRUE, offsetof(BatchVertex, normal));
+    glVertexArrayAttribFormat(mesh_array_, 2, 2, GL_UNSIGNED_SHORT, GL_TRUE, offsetof(BatchVertex, uv));
+    glVertexArrayAttribIFormat(mesh_array_, 3, 1, GL_UNSIGNED_INT, offsetof(BatchVertex, visible));
+
+    // One clip space on every backend, and rows from the top as everywhere outside GL.
+    glClipControl(GL_UPPER_LEFT, GL_ZERO_TO_ONE);
+    glEnable(GL_FRAMEBUFFER_SRGB);
+    glEnable(GL_MULTISAMPLE);
+    glDisable(GL_DITHER);
+    glFrontFace(GL_CCW);
+    glPixelStorei(GL_PACK_ALIGNMENT, 4);
+    return gl_failed("prepare");
+  }
+
+  RasterInfo info() const override {
+    return {absl::StrCat("gl (", context_->renderer(), ", ", context_->platform(), ")"),
+            absl::StrCat(context_->vendor(), ", ", context_->renderer(), ", OpenGL ",
+                         context_->version())};
+  }
+
+  absl::Status upload(std::shared_ptr<const Cast> cast) override {
+    if (cast == nullptr || cast->members.empty()) {
+      return absl::InvalidArgumentError("gl upload: the cast is empty");
+    }
+    if (cast->members.size() > static_cast<std::size_t>(max_layers_)) {
+      return absl::InvalidArgumentError(absl::StrCat("gl upload: ", cast->members.size(),
+                                                     " characters, at most ", max_layers_));
+    }
+    BoundContext bound(*context_);
+    if (!bound.status().ok()) return bound.status();
+
+    ShaderOptions options;
+    std::vector<const MipImage*> base, masks;
+    for (const CastMember& member : cast->members) {
+      for (const std::uint8_t flags : member.character.triangle_flags) {
+        options.two_sided |= (flags & kTriangleDoubleSided) != 0;
+        options.cutout |= (flags & kTriangleAlphaCutout) != 0;
+      }
+      options.tint_mask |= member.character.tint_mask.level_count > 0;
+      base.push_back(&member.character.base_color);
+      masks.push_back(&member.character.tint_mask);
+    }
+    try {
+      const auto limit_px = static_cast<std::uint32_t>(std::min(max_texture_px_, 4096));
+      auto base_layers = make_texture_layers(base, true, 0xb4b4b4ffu, limit_px);
+      if (!base_layers.ok()) return base_layers.status();
+      auto mask_layers = make_texture_layers(masks, false, 0u, limit_px);
+      if (!mask_layers.ok()) return mask_layers.status();
+      upload_array(base_color_, *base_layers, GL_SRGB8_ALPHA8);
+      upload_array(tint_mask_, *mask_layers, GL_RGBA8);
+    } catch (const std::bad_alloc&) {
+      return absl::ResourceExhaustedError("gl upload: no memory for the cast's textures");
+    }
+    if (auto status = compile_agents(options); !status.ok()) return status;
+    cast_ = std::move(cast);
+    return gl_failed("upload");
+  }
+
+  absl::Status draw(const FrameGeometry& geometry, const Camera& camera, const Viewport& viewport,
+                    const glm::dvec3& origin_world, const Look& look, Picture& picture) override {
+    if (viewport.width_px < 1 || viewport.width_px > kMaxSidePx || viewport.height_px < 1 ||
+        viewport.height_px > kMaxSidePx) {
+      return absl::InvalidArgumentError(absl::StrCat("gl draw: viewport is ", viewport.width_px, "x",
+                                                     viewport.height_px,
+                                                     " px, each side must be 1 to ", kMaxSidePx));
+    }
+    if (auto status = check(geometry); !status.ok()) return status;
+    if (!geometry.indices.empty() && cast_ == nullptr) {
+      return absl::FailedPreconditionError("gl draw: no cast is uploaded");
+    }
+    BoundContext bound(*context_);
+    if (!bound.status().ok()) return bound.status();
+    try {
+      picture.width_px = viewport.width_px;
+      picture.height_px = viewport.height_px;
+      picture.rgbx.resize(std::size_t{4} * viewport.width_px * viewport.height_px);
+
+      const float ground_relative_m = static_cast<float>(origin_world.z - camera.eye_world.z);
+      const bool shadows = look.ground && look.shadows && ground_relative_m < 0.0F;
+      if (auto status = stage(geometry, camera, viewport, look, shadows); !status.ok()) return status;
+
+      const bool whole = viewport.width_px <= kTargetMaxSidePx &&
+                         viewport.height_px <= kTargetMaxSidePx &&
+                         std::uint64_t{viewport.width_px} * viewport.height_px <= kTargetMaxPixels;
+      const std::uint32_t tile_width = whole ? viewport.width_px : kTilePx;
+      const std::uint32_t tile_height = whole ? viewport.height_px : kTilePx;
+      for (std::uint32_t y = 0; y < viewport.height_px; y += tile_height) {
+        for (std::uint32_t x = 0; x < viewport.width_px; x += tile_width) {
+          const Tile tile{x, y, std::min(tile_width, viewport.width_px - x),
+                          std::min(tile_height, viewport.height_px - y)};
+          set_uniforms(tile, camera, viewport, origin_world, look, shadows);
+          if (auto status = draw_tile(geometry, tile, look, shadows, picture); !status.ok()) {
+            return status;
+          }
+        }
+      }
+    } catch (const std::bad_alloc&) {
+      return absl::ResourceExhaustedError(absl::StrCat("gl draw: no memory for ", viewport.width_px,
+                                                       "x", viewport.height_px, " px"));
+    }
+    return absl::OkStatus();
+  }
+
+ private:
+  struct Tile {
+    std::uint32_t x_px, y_px, width_px, height_px;
+  };
+
+  absl::Status compile_agents(const ShaderOptions& options) {
+    auto program = link("agents", agent_vertex_shader(options), agent_fragment_shader(options));
+    if (!program.ok()) return program.status();
+    glDeleteProgram(agents_);
+    agents_ = *program;
+    options_ = options;
+    return absl::OkStatus();
+  }
+
+  static void upload_array(GLuint& texture, const TextureLayers& layers, GLenum format) {
+    glDeleteTextures(1, &texture);
+    glCreateTextures(GL_TEXTURE_2D_ARRAY, 1, &texture);
+    glTextureStorage3D(texture, static_cast<GLsizei>(layers.level_count), format,
+                       static_cast<GLsizei>(layers.width_px), static_cast<GLsizei>(layers.height_px),
+                       static_cast<GLsizei>(layers.layer_count));
+    for (std::uint32_t level = 0; level < layers.level_count; ++level) {
+      glTextureSubImage3D(texture, static_cast<GLint>(level), 0, 0, 0,
+                          static_cast<GLsizei>(std::max(1u, layers.width_px >> level)),
+                          static_cast<GLsizei>(std::max(1u, layers.height_px >> level)),
+                          static_cast<GLsizei>(layers.layer_count), GL_RGBA, GL_UNSIGNED_BYTE,
+                          layers.levels[level].data());
+    }
+    glTextureParameteri(texture, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_LINEAR);
+    glTextureParameteri(texture, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+    glTextureParameteri(texture, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+    glTextureParameteri(texture, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+  }
+
+  absl::Status check(const FrameGeometry& geometry) const {
+    const std::size_t count = geometry.instances.size();
+    const auto wrong = [](const char* what, std::size_t value, std::size_t expected) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("gl draw: ", what, " has ", value, " elements, must have ", expected));
+    };
+    if (geometry.indices.size() > 0x7fffffffu) {
+      return absl::ResourceExhaustedError(absl::StrCat("gl draw: ", geometry.indices.size(),
+                                                       " indices, at most ", 0x7fffffffu));
+    }
+    if (geometry.indices.size() % 3 != 0) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("gl draw: ", geometry.indices.size(), " indices, must be a multiple of 3"));
+    }
+    if (count * sizeof(InstanceData) > static_cast<std::size_t>(max_storage_bytes_)) {
+      return absl::ResourceExhaustedError(
+          absl::StrCat("gl draw: ", count, " visible instances, at most ",
+                       static_cast<std::size_t>(max_storage_bytes_) / sizeof(InstanceData)));
+    }
+    if (!geometry.indices.empty() || count > 0) {
+      if (geometry.vertex_offset.size() != count + 1) {
+        return wrong("vertex_offset", geometry.vertex_offset.size(), count + 1);
+      }
+      if (geometry.triangle_offset.size() != count + 1) {
+        return wrong("triangle_offset", geometry.triangle_offset.size(), count + 1);
+      }
+      if (geometry.vertex_offset.back() != geometry.vertices.size()) {
+        return wrong("vertices", geometry.vertices.size(), geometry.vertex_offset.back());
+      }
+      if (std::size_t{3} * geometry.triangle_offset.back() != geometry.indices.size()) {
+        return wrong("indices", geometry.indices.size(),
+                     std::size_t{3} * geometry.triangle_offset.back());
+      }
+    }
+    if (cast_ != nullptr) {
+      for (const VisibleInstance& instance : geometry.instances) {
+        if (instance.character >= cast_->members.size()) {
+          return absl::InvalidArgumentError(absl::StrCat("gl draw: character is ", instance.character,
+                                                         ", the cast has ", cast_->members.size()));
+        }
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  /// Copies the frame's arrays to the mapped buffers and plans the cast shadows.
+  absl::Status stage(const FrameGeometry& geometry, const Camera& camera, const Viewport& viewport,
+                     const Look& look, bool shadows) {
+    if (auto status = vertices_.reserve(geometry.vertices.size_bytes()); !status.ok()) return status;
+    if (auto status = indices_.reserve(geometry.indices.size_bytes()); !status.ok()) return status;
+    if (auto status = instances_.reserve(geometry.instances.size() * sizeof(InstanceData)); !status.ok()) {
+      return status;
+    }
+    if (!geometry.vertices.empty()) {
+      std::memcpy(vertices_.data(), geometry.vertices.data(), geometry.vertices.size_bytes());
+    }
+    if (!geometry.indices.empty()) {
+      std::memcpy(indices_.data(), geometry.indices.data(), geometry.indices.size_bytes());
+    }
+
+    const bool orthographic = camera.ortho_height_m > 0.0;
+    const auto height_px = static_cast<float>(viewport.height_px);
+    const float px_per_tangent =
+        orthographic ? height_px / static_cast<float>(camera.ortho_height_m)
+                     : 0.5F * height_px / static_cast<float>(std::tan(0.5 * camera.fov_y_rad));
+    casters_.clear();
+    auto* out = static_cast<InstanceData*>(instances_.data());
+    for (std::size_t i = 0; i < geometry.instances.size(); ++i) {
+      const VisibleInstance& instance = geometry.instances[i];
+      InstanceData data{};
+      float height_m = 1.75F;
+      if (cast_ != nullptr) height_m = cast_->members[instance.character].character.height_m;
+      height_m = std::max(height_m, 0.05F) * instance.scale;
+      data.feet_height = glm::vec4(instance.position_relative, height_m);
+      const element::Tints tints = element::tints_of(instance.seed);
+      data.tints[0] = element::pack_color(tints.skin);
+      data.tints[1] = element::pack_color(tints.hair);
+      data.tints[2] = element::pack_color(tints.top);
+      data.tints[3] = element::pack_color(tints.bottom);
+      data.layer = instance.character;
+      data.channel = look.color_by_channel ? element::pack_color(channel_color(instance.channel, look))
+                                           : 0xffffffffu;
+      if (shadows) {
+        const float distance_m =
+            orthographic ? 1.0F : std::max(glm::length(instance.position_relative), 0.1F);
+        const float size_px = height_m * px_per_tangent / distance_m;
+        const float share = glm::smoothstep(kCastShadowFromPx, kCastShadowFullPx, size_px);
+        if (share > 0.0F) casters_.push_back({size_px, share, static_cast<std::uint32_t>(i)});
+      }
+      out[i] = data;
+    }
+    // The largest first, until they cost a third of the figures themselves.
+    std::sort(casters_.begin(), casters_.end(), [](const Caster& a, const Caster& b) {
+      return a.size_px != b.size_px ? a.size_px > b.size_px : a.visible < b.visible;
+    });
+    std::uint64_t room = std::max<std::uint64_t>(60'000, geometry.indices.size() / 3 / 3);
+    std::size_t kept = 0;
+    for (; kept < casters_.size(); ++kept) {
+      const std::uint32_t i = casters_[kept].visible;
+      const std::uint64_t triangles = geometry.triangle_offset[i + 1] - geometry.triangle_offset[i];
+      if (triangles > room) break;
+      room -= triangles;
+      out[i].cast_shadow = casters_[kept].share;
+    }
+    casters_.resize(kept);
+    // Runs of neighbours in the batched buffer are one range of indices.
+    std::sort(casters_.begin(), casters_.end(),
+              [](const Caster& a, const Caster& b) { return a.visible < b.visible; });
+    caster_counts_.clear();
+    caster_starts_.clear();
+    std::uint32_t run_end = 0;
+    for (const Caster& caster : casters_) {
+      const std::uint32_t begin = geometry.triangle_offset[caster.visible];
+      const std::uint32_t end = geometry.triangle_offset[caster.visible + 1];
+      if (begin == end) continue;
+      if (!caster_counts_.empty() && begin == run_end) {
+        caster_counts_.back() += static_cast<GLsizei>(3 * (end - begin));
+      } else {
+        caster_counts_.push_back(static_cast<GLsizei>(3 * (end - begin)));
+        caster_starts_.push_back(reinterpret_cast<const void*>(std::uintptr_t{3} * begin * sizeof(GLuint)));
+      }
+      run_end = end;
+    }
+    return absl::OkStatus();
+  }
+
+  static glm::vec3 channel_color(float value, const Look& look) {
+    if (!std::isfinite(value)) return {0.32F, 0.32F, 0.33F};
+    const float range = look.channel_high - look.channel_low;
+    return element::viridis(range != 0.0F ? (value - look.channel_low) / range : 0.5F);
+  }
+
+  void set_uniforms(const Tile& tile, const Camera& camera, const Viewport& viewport,
+                    const glm::dvec3& origin_world, const Look& look, bool shadows) {
+    const auto width = static_cast<double>(viewport.width_px);
+    const auto height = static_cast<double>(viewport.height_px);
+    const bool orthographic = camera.ortho_height_m > 0.0;
+    FrameUniforms uniforms{};
+    // The tile's part of clip space, stretched to all of it.
+    glm::mat4 tile_from_clip(1.0F);
+    tile_from_clip[0][0] = static_cast<float>(width / tile.width_px);
+    tile_from_clip[1][1] = static_cast<float>(height / tile.height_px);
+    tile_from_clip[3][0] = static_cast<float>((width - 2.0 * tile.x_px - tile.width_px) / tile.width_px);
+    tile_from_clip[3][1] = static_cast<float>((2.0 * tile.y_px + tile.height_px - height) / tile.height_px);
+    uniforms.clip_from_relative = clip_from_relative(camera, viewport);
+    if (tile.width_px != viewport.width_px || tile.height_px != viewport.height_px) {
+      uniforms.clip_from_relative = tile_from_clip * uniforms.clip_from_relative;
+    }
+
+    const float ground = static_cast<float>(origin_world.z - camera.eye_world.z);
+    uniforms.sun_direction = glm::vec4(glm::normalize(look.sun_direction_world), ground);
+    uniforms.sun_color = glm::vec4(look.sun_color, ground < 0.0F ? 1.0F : 0.0F);
+    uniforms.sky_color = glm::vec4(look.sky_color, look.ground ? 1.0F : 0.0F);
+    uniforms.ground_light = glm::vec4(look.ground_light, shadows ? 1.0F : 0.0F);
+    uniforms.horizon_color = glm::vec4(look.horizon_color, orthographic ? 1.0F : 0.0F);
+    uniforms.ground_color = glm::vec4(look.ground_color, 0.0F);
+
+    // Rays through pixels, affine in the pixel: fragment centres are at halves already.
+    const glm::dmat3 world_from_view = glm::transpose(glm::dmat3(glm::mat3(view_from_relative(camera))));
+    const double half_height = orthographic ? 0.5 * camera.ortho_height_m : std::tan(0.5 * camera.fov_y_rad);
+    const double per_px = 2.0 * half_height / height;
+    const glm::dvec3 right = world_from_view[0] * per_px, down = world_from_view[1] * -per_px;
+    const glm::dvec3 corner = right * (-0.5 * width) + down * (-0.5 * height);
+    const glm::dvec3 forward = -world_from_view[2];
+    if (orthographic) {
+      uniforms.ray_origin = glm::vec4(glm::vec3(corner), 0.0F);
+      uniforms.ray_origin_x = glm::vec4(glm::vec3(right), 0.0F);
+      uniforms.ray_origin_y = glm::vec4(glm::vec3(down), 0.0F);
+      uniforms.ray_direction = glm::vec4(glm::vec3(forward), 0.0F);
+    } else {
+      uniforms.ray_direction = glm::vec4(glm::vec3(forward + corner), 0.0F);
+      uniforms.ray_direction_x = glm::vec4(glm::vec3(right), 0.0F);
+      uniforms.ray_direction_y = glm::vec4(glm::vec3(down), 0.0F);
+    }
+    // The eye within the grid's period, so that the shader's numbers stay small anywhere on earth.
+    const glm::dvec3 eye = camera.eye_world - origin_world;
+    uniforms.grid = glm::vec4(static_cast<float>(eye.x - 10.0 * std::floor(eye.x / 10.0)),
+                              static_cast<float>(eye.y - 10.0 * std::floor(eye.y / 10.0)),
+                              static_cast<float>(tile.x_px), static_cast<float>(tile.y_px));
+    glNamedBufferSubData(uniforms_, 0, sizeof(uniforms), &uniforms);
+  }
+
+  absl::StatusOr<Target*> target(std::uint32_t width_px, std::uint32_t height_px) {
+    ++use_;
+    for (Target& one : targets_) {
+      if (one.width_px == width_px && one.height_px == height_px) {
+        one.last_use = use_;
+        return &one;
+      }
+    }
+    // A few sizes are kept: views of different size take turns.
+    constexpr std::size_t kKept = 4;
+    if (targets_.size() < kKept) {
+      targets_.emplace_back();
+    } else {
+      std::sort(targets_.begin(), targets_.end(),
+                [](const Target& a, const Target& b) { return a.last_use > b.last_use; });
+      targets_.back().release();
+    }
+    Target& made = targets_.back();
+    const auto width = static_cast<GLsizei>(width_px), height = static_cast<GLsizei>(height_px);
+    GLuint buffers[3];
+    glCreateRenderbuffers(3, buffers);
+    made.color = buffers[0];
+    made.depth = buffers[1];
+    made.resolved = buffers[2];
+    glNamedRenderbufferStorageMultisample(made.color, kSamples, GL_SRGB8_ALPHA8, width, height);
+    glNamedRenderbufferStorageMultisample(made.depth, kSamples, GL_DEPTH_COMPONENT32F, width, height);
+    glNamedRenderbufferStorage(made.resolved, GL_SRGB8_ALPHA8, width, height);
+    GLuint fbos[2];
+    glCreateFramebuffers(2, fbos);
+    made.draw_fbo = fbos[0];
+    made.read_fbo = fbos[1];
+    glNamedFramebufferRenderbuffer(made.draw_fbo, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, made.color);
+    glNamedFramebufferRenderbuffer(made.draw_fbo, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, made.depth);
+    glNamedFramebufferRenderbuffer(made.read_fbo, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, made.resolved);
+    const GLenum draw_state = glCheckNamedFramebufferStatus(made.draw_fbo, GL_FRAMEBUFFER);
+    const GLenum read_state = glCheckNamedFramebufferStatus(made.read_fbo, GL_FRAMEBUFFER);
+    absl::Status status = gl_failed("framebuffer");
+    if (status.ok() && (draw_state != GL_FRAMEBUFFER_COMPLETE || read_state != GL_FRAMEBUFFER_COMPLETE)) {
+      status = absl::InternalError(absl::StrCat("gl draw: framebuffer of ", width_px, "x", height_px,
+                                                " px is incomplete, 0x", absl::Hex(draw_state), " 0x",
+                                                absl::Hex(read_state)));
+    }
+    if (!status.ok()) {
+      made.release();
+      targets_.pop_back();
+      return status;
+    }
+    made.width_px = width_px;
+    made.height_px = height_px;
+    made.last_use = use_;
+    return &made;
+  }
+
+  absl::Status draw_tile(const FrameGeometry& geometry, const Tile& tile, const Look& look,
+                         bool shadows, Picture& picture) {
+    auto found = target(tile.width_px, tile.height_px);
+    if (!found.ok()) return found.status();
+    const Target& target = **found;
+    const auto width = static_cast<GLsizei>(tile.width_px), height = static_cast<GLsizei>(tile.height_px);
+    glBindFramebuffer(GL_FRAMEBUFFER, target.draw_fbo);
+    glViewport(0, 0, width, height);
+    glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+    glDepthMask(GL_TRUE);
+    const GLfloat black[4] = {0, 0, 0, 0};
+    const GLfloat far_depth = 0.0F;
+    glClearNamedFramebufferfv(target.draw_fbo, GL_COLOR, 0, black);
+    glClearNamedFramebufferfv(target.draw_fbo, GL_DEPTH, 0, &far_depth);
+    glBindBufferBase(GL_UNIFORM_BUFFER, 0, uniforms_);
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 1, instances_.name());
+    glEnable(GL_DEPTH_TEST);
+
+    // Agents.
+    glVertexArrayVertexBuffer(mesh_array_, 0, vertices_.name(), 0, sizeof(BatchVertex));
+    glVertexArrayElementBuffer(mesh_array_, indices_.name());
+    glDisable(GL_BLEND);
+    glDepthFunc(GL_GREATER);
+    if (options_.two_sided) {
+      glDisable(GL_CULL_FACE);
+    } else {
+      glEnable(GL_CULL_FACE);
+    }
+    if (!geometry.indices.empty()) {
+      glUseProgram(agents_);
+      glBindTextureUnit(0, base_color_);
+      glBindTextureUnit(1, tint_mask_);
+      glBindVertexArray(mesh_array_);
+      glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(geometry.indices.size()), GL_UNSIGNED_INT, nullptr);
+    }
+
+    // Shadows: the largest one at each sample, in alpha.
+    glDepthMask(GL_FALSE);
+    glDisable(GL_CULL_FACE);
+    glEnable(GL_BLEND);
+    if (shadows && !geometry.instances.empty()) {
+      glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_TRUE);
+      glBlendEquation(GL_MAX);
+      glUseProgram(blobs_);
+      glBindVertexArray(empty_array_);
+      glDrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, static_cast<GLsizei>(geometry.instances.size()));
+      if (!caster_counts_.empty()) {
+        glUseProgram(cast_shadows_);
+        glBindVertexArray(mesh_array_);
+        glMultiDrawElements(GL_TRIANGLES, caster_counts_.data(), GL_UNSIGNED_INT, caster_starts_.data(),
+                            static_cast<GLsizei>(caster_counts_.size()));
+      }
+      glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+      glBlendEquation(GL_FUNC_ADD);
+    }
+
+    // Ground and sky: colour times what the shadows leave; the picture's alpha is 1 again.
+    glBlendFuncSeparate(GL_ONE_MINUS_DST_ALPHA, GL_ZERO, GL_ONE, GL_ZERO);
+    glDepthFunc(GL_EQUAL);
+    glUseProgram(background_);
+    glBindVertexArray(empty_array_);
+    glDrawArrays(GL_TRIANGLES, 0, 3);
+
+    // Resolve and read back, rows from the top.
+    glBlitNamedFramebuffer(target.draw_fbo, target.read_fbo, 0, 0, width, height, 0, 0, width, height,
+                           GL_COLOR_BUFFER_BIT, GL_NEAREST);
+    glBindFramebuffer(GL_READ_FRAMEBUFFER, target.read_fbo);
+    glPixelStorei(GL_PACK_ROW_LENGTH, static_cast<GLint>(picture.width_px));
+    glReadPixels(0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE,
+                 &picture.rgbx[std::size_t{4} * (std::size_t{tile.y_px} * picture.width_px + tile.x_px)]);
+    return gl_failed("draw");
+  }
+
+  struct Caster {
+    float size_px, share;
+    std::uint32_t visible;
+  };
+
+  static constexpr GLsizei kSamples = 4;
+
+  std::unique_ptr<EglContext> context_;
+  std::shared_ptr<const Cast> cast_;
+  ShaderOptions options_;
+  GLint max_texture_px_ = 0, max_layers_ = 0, max_storage_bytes_ = 0;
+  GLuint agents_ = 0, blobs_ = 0, cast_shadows_ = 0, background_ = 0;
+  GLuint mesh_array_ = 0, empty_array_ = 0, uniforms_ = 0, base_color_ = 0, tint_mask_ = 0;
+  MappedBuffer vertices_, indices_, instances_;
+  std::vector<Target> targets_;
+  std::uint64_t use_ = 0;
+  std::vector<Caster> casters_;
+  std::vector<GLsizei> caster_counts_;
+  std::vector<const void*> caster_starts_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<Rasterizer>> make_gl_rasterizer() {
+  auto context = EglContext::make();
+  if (!context.ok()) return context.status();
+  auto rasterizer = std::make_unique<GlRasterizer>(std::move(*context));
+  if (auto status = rasterizer->prepare(); !status.ok()) return status;
+  return rasterizer;
+}
+
+}  // namespace throng::render::gl

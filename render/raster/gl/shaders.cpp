@@ -1,0 +1,299 @@
+#include "raster/gl/shaders.hpp"
+
+namespace throng::render::gl {
+namespace {
+
+// Mirrors FrameUniforms and InstanceData of gl_rasterizer.cpp. "Relative" is relative to the eye.
+constexpr char kCommon[] = R"(#version 450 core
+layout(std140, binding = 0) uniform Frame {
+  mat4 clip_from_relative;
+  vec4 sun_direction;   // unit; w: ground height relative to the eye
+  vec4 sun_color;       // w: 1 where the eye is above the ground
+  vec4 sky_color;       // w: 1 where the ground is drawn
+  vec4 ground_light;    // w: 1 where shadows are drawn
+  vec4 horizon_color;   // w: 1 for an orthographic camera
+  vec4 ground_color;
+  vec4 ray_origin, ray_origin_x, ray_origin_y;           // of pixel (0, 0), and a pixel's step
+  vec4 ray_direction, ray_direction_x, ray_direction_y;
+  vec4 grid;            // xy: the eye's place within the 10 m grid; zw: the tile's first pixel
+} frame;
+
+const float kExposure = 0.62;
+
+// Keeps hue and leaves everything under 0.76 as it is; what is brighter is compressed towards white.
+vec3 tone_map(vec3 color) {
+  color *= kExposure;
+  float peak = max(color.r, max(color.g, color.b));
+  const float start = 0.76;
+  if (peak <= start) return color;
+  float room = 1.0 - start;
+  float new_peak = 1.0 - room * room / (peak - start + room);
+  color *= new_peak / peak;
+  float whiten = 1.0 - 1.0 / (0.15 * (peak - new_peak) + 1.0);
+  return mix(color, vec3(new_peak), whiten);
+}
+
+// Air between the eye and a point.
+vec3 haze(vec3 color, float distance_m) {
+  return mix(frame.horizon_color.rgb, color, exp2(-distance_m * (1.0 / 1800.0)));
+}
+)";
+
+constexpr char kInstances[] = R"(
+struct Instance {
+  vec4 feet;      // relative; w: height in metres
+  uvec4 tints;    // skin, hair, top, bottom: 10 bits a component, square root coded
+  uint layer;     // of the textures
+  uint channel;   // colour of the channel, 0xffffffff: none
+  float cast_shadow;  // share of the shadow that is drawn as a projected figure
+  float padding;
+};
+layout(std430, binding = 1) readonly buffer Instances { Instance instances[]; };
+
+vec3 unpack_color(uint bits) {
+  vec3 root = vec3(bits & 1023u, (bits >> 10) & 1023u, (bits >> 20) & 1023u) * (1.0 / 1023.0);
+  return root * root;
+}
+)";
+
+constexpr char kAgentVertex[] = R"(
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec2 octahedral;
+layout(location = 2) in vec2 uv;
+layout(location = 3) in uint visible;
+out vec3 v_position;
+out vec3 v_normal;
+out vec3 v_uv_ao;
+flat out uint v_visible;
+void main() {
+  vec3 normal = vec3(octahedral, 1.0 - abs(octahedral.x) - abs(octahedral.y));
+  float fold = max(-normal.z, 0.0);
+  normal.x += normal.x >= 0.0 ? -fold : fold;
+  normal.y += normal.y >= 0.0 ? -fold : fold;
+  // legs stand in the crowd's and the ground's own shade
+  float height = position.z - instances[visible].feet.z;
+  v_position = position;
+  v_normal = normal;
+  v_uv_ao = vec3(uv, mix(0.55, 1.0, smoothstep(-0.05, 0.75, height)));
+  v_visible = visible;
+  gl_Position = frame.clip_from_relative * vec4(position, 1.0);
+}
+)";
+
+constexpr char kAgentFragment[] = R"(
+in vec3 v_position;
+in vec3 v_normal;
+in vec3 v_uv_ao;
+flat in uint v_visible;
+layout(binding = 0) uniform sampler2DArray base_color;
+layout(binding = 1) uniform sampler2DArray tint_mask;
+layout(location = 0) out vec4 color;
+void main() {
+  float layer = float(instances[v_visible].layer);
+  vec4 base = texture(base_color, vec3(v_uv_ao.xy, layer));
+#ifdef CUTOUT
+  if (base.a < 0.5) discard;
+#endif
+  vec3 albedo = base.rgb;
+  uint channel = instances[v_visible].channel;
+  if (channel != 0xffffffffu) {
+    // keep a hint of the texture, so that the figure stays readable
+    albedo = unpack_color(channel) * (0.55 + 0.45 * sqrt(dot(base.rgb, vec3(0.2126, 0.7152, 0.0722))));
+  } else {
+#ifdef TINT_MASK
+    vec4 mask = texture(tint_mask, vec3(v_uv_ao.xy, layer));
+    uvec4 tints = instances[v_visible].tints;
+    vec3 tint = vec3(max(0.0, 1.0 - dot(mask, vec4(1.0)))) + mask.r * unpack_color(tints.x) +
+                mask.g * unpack_color(tints.y) + mask.b * unpack_color(tints.z) +
+                mask.a * unpack_color(tints.w);
+    albedo *= tint;
+#endif
+  }
+  vec3 n = normalize(v_normal);
+#ifdef TWO_SIDED
+  if (!gl_FrontFacing) n = -n;
+#endif
+  vec3 sun = frame.sun_direction.xyz;
+  vec3 to_eye = frame.horizon_color.w > 0.5 ? -frame.ray_direction.xyz : -normalize(v_position);
+  float ao = v_uv_ao.z;
+
+  // wrapped diffuse: skin and cloth scatter a little light past the edge of the shade
+  float facing = clamp((dot(n, sun) + 0.22) * (1.0 / 1.22), 0.0, 1.0);
+  facing *= mix(facing, 1.0, 0.6);
+  vec3 sky_share = mix(frame.ground_light.rgb, frame.sky_color.rgb, 0.5 + 0.5 * n.z);
+  vec3 light = frame.sun_color.rgb * (facing * mix(0.75, 1.0, ao)) + sky_share * ao;
+
+  float edge = 1.0 - clamp(dot(n, to_eye), 0.0, 1.0);
+  float rim = edge * edge * edge * (0.35 + 0.65 * n.z * n.z) * 0.16;
+  vec3 half_way = normalize(sun + to_eye);
+  float gloss = clamp(dot(n, half_way), 0.0, 1.0);
+  gloss *= gloss; gloss *= gloss; gloss *= gloss; gloss *= gloss;
+  vec3 lit = albedo * light + frame.sky_color.rgb * (rim * ao) + frame.sun_color.rgb * (gloss * facing * 0.035);
+  color = vec4(tone_map(haze(lit, frame.horizon_color.w > 0.5 ? 0.0 : length(v_position))), 1.0);
+}
+)";
+
+// A soft blob under the feet and a capsule stretched away from the sun. Only alpha is written: it
+// holds how much of the light is missing (the largest of all shadows there, not their sum).
+constexpr char kBlobVertex[] = R"(
+out vec2 v_place;                 // metres along and across the shadow, from the feet
+flat out vec3 v_strength;         // length in metres; of the contact, of the body
+void main() {
+  Instance instance = instances[gl_InstanceID];
+  vec2 away = -frame.sun_direction.xy;
+  float flat_length = length(away);
+  away = flat_length > 1e-4 ? away / flat_length : vec2(1.0, 0.0);
+  // lengths are those of a figure of 1.75 m; a low sun would draw across the whole picture
+  float reach = 1.75 * min(flat_length / max(frame.sun_direction.z, 0.05), 3.0);
+  float along = (gl_VertexID & 1) == 0 ? -0.55 : reach + 0.35;
+  float across = (gl_VertexID & 2) == 0 ? -0.55 : 0.55;
+  v_place = vec2(along, across);
+  // fades with what it darkens: see haze and grazing in the background's shader
+  float distance_m = frame.horizon_color.w > 0.5 ? 1e-3 : length(instance.feet.xyz);
+  float seen = (1.0 - exp2(-55.0 * min(abs(frame.sun_direction.w) / distance_m, 1.0))) *
+               exp2(-distance_m * (1.0 / 1800.0));
+  v_strength = vec3(reach, seen, seen * (1.0 - instance.cast_shadow));
+  vec2 place = instance.feet.xy +
+               (away * along + vec2(-away.y, away.x) * across) * (instance.feet.w / 1.75);
+  gl_Position = frame.clip_from_relative * vec4(place, frame.sun_direction.w, 1.0);
+}
+)";
+
+constexpr char kBlobFragment[] = R"(
+in vec2 v_place;
+flat in vec3 v_strength;
+layout(location = 0) out vec4 color;
+void main() {
+  float contact = clamp(1.0 - dot(v_place, v_place) * (1.0 / (0.48 * 0.48)), 0.0, 1.0);
+  contact *= contact * 0.62;
+  // the further from the feet, the softer and weaker
+  float along = clamp(v_place.x / max(v_strength.x, 0.01), 0.0, 1.0);
+  vec2 off = vec2(v_place.x - clamp(v_place.x, 0.0, v_strength.x), v_place.y);
+  float width = mix(0.20, 0.34, along);
+  float body = clamp(1.0 - dot(off, off) / (width * width), 0.0, 1.0);
+  body *= (2.0 - body) * mix(0.50, 0.30, along);
+  color = vec4(0.0, 0.0, 0.0, max(contact * v_strength.y, body * v_strength.z));
+}
+)";
+
+// The figure itself, flattened on the ground along the sun's direction.
+constexpr char kCastShadowVertex[] = R"(
+layout(location = 0) in vec3 position;
+layout(location = 3) in uint visible;
+flat out float v_share;
+out float v_height;
+void main() {
+  vec4 feet = instances[visible].feet;
+  float height = max(position.z - frame.sun_direction.w, 0.0);
+  vec3 sun = frame.sun_direction.xyz;
+  vec2 place = position.xy - sun.xy * (height / max(sun.z, 0.05));
+  float distance_m = frame.horizon_color.w > 0.5 ? 1e-3 : length(feet.xyz);
+  v_share = instances[visible].cast_shadow *
+            (1.0 - exp2(-55.0 * min(abs(frame.sun_direction.w) / distance_m, 1.0)));
+  v_height = height / max(feet.w, 0.1);
+  gl_Position = frame.clip_from_relative * vec4(place, frame.sun_direction.w, 1.0);
+}
+)";
+
+constexpr char kCastShadowFragment[] = R"(
+flat in float v_share;
+in float v_height;
+layout(location = 0) out vec4 color;
+void main() { color = vec4(0.0, 0.0, 0.0, v_share * mix(0.56, 0.42, clamp(v_height, 0.0, 1.0))); }
+)";
+
+constexpr char kBackgroundVertex[] = R"(
+void main() {
+  vec2 corner = vec2((gl_VertexID & 1) * 4 - 1, (gl_VertexID & 2) * 2 - 1);
+  gl_Position = vec4(corner, 0.0, 1.0);  // depth 0: only where nothing was drawn
+}
+)";
+
+constexpr char kBackgroundFragment[] = R"(
+layout(location = 0) out vec4 color;
+
+// Share of the interval [p - w/2, p + w/2] that lies on lines of this half width, one each `period`:
+// the exact integral, so distant lines fade into their mean instead of flickering.
+vec2 line_cover(vec2 p, vec2 w, float period, float half_width) {
+  vec2 low = (p - 0.5 * w) / period + half_width / period;
+  vec2 high = (p + 0.5 * w) / period + half_width / period;
+  float share = 2.0 * half_width / period;
+  vec2 sum_low = floor(low) * share + min(fract(low), share);
+  vec2 sum_high = floor(high) * share + min(fract(high), share);
+  return (sum_high - sum_low) * period / w;
+}
+
+vec3 sky(float up) {
+  // a bright band at the horizon, deep above; below it (no ground) a dim mirror image
+  float t = clamp(up, 0.0, 1.0);
+  vec3 above = mix(frame.horizon_color.rgb, frame.sky_color.rgb, 1.0 - exp2(-4.5 * t));
+  vec3 below = mix(frame.horizon_color.rgb, frame.ground_light.rgb, 1.0 - exp2(6.0 * min(up, 0.0)));
+  return (up >= 0.0 ? above : below) * 1.12;
+}
+
+void main() {
+  vec2 pixel = gl_FragCoord.xy + frame.grid.zw;
+  vec3 origin = frame.ray_origin.xyz + frame.ray_origin_x.xyz * pixel.x + frame.ray_origin_y.xyz * pixel.y;
+  vec3 ray = frame.ray_direction.xyz + frame.ray_direction_x.xyz * pixel.x + frame.ray_direction_y.xyz * pixel.y;
+  float ray_length = length(ray);
+  float up = ray.z / ray_length;
+  float to_plane = frame.sun_direction.w - origin.z;
+  bool orthographic = frame.horizon_color.w > 0.5;
+  bool hit = frame.sky_color.w > 0.5 && (orthographic ? abs(ray.z) > 1e-5 : to_plane * ray.z > 0.0);
+  if (!hit) {
+    // below the ground plane's horizon there is no sky to see when the eye is under it
+    color = vec4(tone_map(sky(frame.sky_color.w > 0.5 && frame.sun_color.w < 0.5 ? min(up, -0.02) : up)), 1.0);
+    return;
+  }
+  float t = to_plane / ray.z;
+  vec3 place = origin + ray * t;
+  // how far the place moves with a pixel to the right and a pixel down
+  float tx = -(frame.ray_origin_x.z + frame.ray_direction_x.z * t) / ray.z;
+  float ty = -(frame.ray_origin_y.z + frame.ray_direction_y.z * t) / ray.z;
+  vec2 step_x = frame.ray_origin_x.xy + frame.ray_direction_x.xy * t + ray.xy * tx;
+  vec2 step_y = frame.ray_origin_y.xy + frame.ray_direction_y.xy * t + ray.xy * ty;
+  vec2 width = max(abs(step_x) + abs(step_y), vec2(1e-5));
+
+  vec2 p = place.xy + frame.grid.xy;
+  vec2 fine = line_cover(p, width, 1.0, 0.010);
+  vec2 strong = line_cover(p, width, 10.0, 0.028);
+  float metre = fine.x + fine.y - fine.x * fine.y;
+  float ten = strong.x + strong.y - strong.x * strong.y;
+
+  vec3 albedo = frame.ground_color.rgb;
+  albedo = mix(albedo, albedo * 0.62, metre);
+  albedo = mix(albedo, albedo * 0.34, ten);
+  vec3 light = frame.sun_color.rgb * max(frame.sun_direction.z, 0.0) + frame.sky_color.rgb;
+  if (frame.sun_color.w < 0.5) light = frame.ground_light.rgb;  // seen from below
+  float distance_m = orthographic ? 0.0 : abs(t) * ray_length;
+  vec3 lit = haze(albedo * light, distance_m);
+  // at grazing angles the ground goes over into the horizon
+  float grazing = orthographic ? 0.0 : exp2(-abs(up) * 55.0);
+  color = vec4(tone_map(mix(lit, frame.horizon_color.rgb * 1.12, grazing)), 1.0);
+}
+)";
+
+std::string defines(const ShaderOptions& options) {
+  std::string text;
+  if (options.cutout) text += "#define CUTOUT\n";
+  if (options.two_sided) text += "#define TWO_SIDED\n";
+  if (options.tint_mask) text += "#define TINT_MASK\n";
+  return text;
+}
+
+}  // namespace
+
+std::string agent_vertex_shader(const ShaderOptions&) {
+  return std::string(kCommon) + kInstances + kAgentVertex;
+}
+std::string agent_fragment_shader(const ShaderOptions& options) {
+  return std::string(kCommon) + defines(options) + kInstances + kAgentFragment;
+}
+std::string blob_vertex_shader() { return std::string(kCommon) + kInstances + kBlobVertex; }
+std::string blob_fragment_shader() { return std::string(kCommon) + kBlobFragment; }
+std::string cast_shadow_vertex_shader() { return std::string(kCommon) + kInstances + kCastShadowVertex; }
+std::string cast_shadow_fragment_shader() { return std::string(kCommon) + kCastShadowFragment; }
+std::string background_vertex_shader() { return std::string(kCommon) + kBackgroundVertex; }
+std::string background_fragment_shader() { return std::string(kCommon) + kBackgroundFragment; }
+
+}  // namespace throng::render::gl

@@ -1,0 +1,91 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <memory>
+#include <vector>
+
+#include "throng/render/compute.hpp"
+
+namespace throng::render::visibility {
+
+inline constexpr int kTileSamples = 64;  // a side
+inline constexpr int kCellSamples = 8;   // a side of a cell of the depth pyramid
+inline constexpr int kCells = kTileSamples / kCellSamples;
+
+/// Samples of one tile, in 4x4 blocks of 16 consecutive values (one cache line a plane), blocks row by
+/// row. The two planes together are the 64-bit words of element/word.hpp.
+struct alignas(64) TilePlanes {
+  float depth[kTileSamples * kTileSamples];
+  std::uint32_t id[kTileSamples * kTileSamples];
+  float cell_low[kCells * kCells];  // lower bound of the depth in each cell: what is behind is hidden
+};
+
+inline constexpr std::size_t sample_index(int x, int y) {
+  return static_cast<std::size_t>((((y >> 2) * (kTileSamples / 4) + (x >> 2)) << 4) + ((y & 3) << 2) +
+                                  (x & 3));
+}
+
+/// All vertices of a frame on the sample grid. `x` is kNeedsClip for a vertex behind the near plane or
+/// outside the guard band; its triangles take the clipping path.
+struct Projected {
+  std::vector<std::int32_t> x, y;  // sub-units from the picture's top left sample corner
+  std::vector<float> depth;        // reversed, 0 (infinity) to 1 (near plane)
+  std::vector<float> inverse_w;    // 1 / clip w
+  void resize(std::size_t count);
+};
+inline constexpr std::int32_t kNeedsClip = INT32_MIN;
+
+/// Where an instance's vertices fell.
+struct Footprint {
+  std::int32_t x_low, y_low, x_high, y_high;  // samples, inclusive; x_low > x_high: nothing
+  float depth_high;                           // nearest
+  bool clipped;                               // some vertex needs clipping
+};
+
+/// Clip space to sub-units: x = (ndc.x + 1) * scale.x, y = (1 - ndc.y) * scale.y.
+struct SampleGrid {
+  glm::mat4 clip_from_relative;
+  std::int32_t width, height;  // samples
+};
+
+/// Projects vertices [begin, end) and returns their footprint.
+Footprint project_vertices(const SampleGrid& grid, const BatchVertex* vertices, std::size_t begin,
+                           std::size_t end, Projected& projected);
+
+/// One instance's triangles, as the tile needs them.
+struct InstanceTriangles {
+  const std::uint32_t* indices;  // [3 * count], into the frame's vertices
+  std::uint32_t count;
+  std::uint32_t first_block;     // of the instance
+  bool double_sided;
+  bool clipped;
+};
+
+struct TileCounters {
+  std::uint64_t triangles = 0;   // set up
+  std::uint64_t surviving = 0;   // after back-face, no-sample and off-tile culls
+  std::uint64_t instances = 0;   // drawn
+  std::uint64_t hidden = 0;      // instances not drawn: behind what is there
+};
+
+/// Empties the planes.
+void clear_tile(TilePlanes& planes);
+
+/// Draws the triangles over the samples of the tile whose top left sample is (tile_x, tile_y).
+/// `vertices` and the grid are for triangles that need clipping.
+void draw_instance(const InstanceTriangles& triangles, const Projected& projected,
+                   const BatchVertex* vertices, const SampleGrid& grid, int tile_x, int tile_y,
+                   TilePlanes& planes, TileCounters& counters);
+
+/// Renews the cells' lower bounds from the depth plane.
+void update_cells(TilePlanes& planes);
+
+/// True if every sample of the rectangle (tile samples, inclusive) is nearer than `depth_high`.
+bool hidden(const TilePlanes& planes, int x_low, int y_low, int x_high, int y_high, float depth_high);
+
+/// Name of the instruction set in use ("AVX3_ZEN4", "AVX2", ...).
+const char* simd_name();
+
+}  // namespace throng::render::visibility
