@@ -58,7 +58,8 @@ struct Snapshot {
   std::shared_ptr<const Roster> roster;
   std::vector<std::uint8_t> present;        // 0: the slot is empty
   std::vector<glm::vec3> position_m;        // offset from the crowd's origin
-  std::vector<float> heading_rad;           // counter-clockwise from +X
+  std::vector<glm::vec3> velocity_mps;      // smoothed; how an agent goes on where samples end
+  std::vector<float> heading_rad;           // counter-clockwise from +X; NaN: not known yet
   std::vector<float> speed_mps;             // smoothed, decides between idle, walk and run
   std::vector<double> walked_cycles;        // sum of step / stride: the phase of walk and run
   std::vector<std::vector<float>> channels; // [channel][I]
@@ -101,7 +102,9 @@ class Crowd {
   struct Derive;
   std::shared_ptr<const Cast> cast_;
   CrowdSettings settings_;
-  mutable std::mutex mutex_;
+  // columns are derived under push_mutex_ alone, so that viewers don't wait for a push
+  std::mutex push_mutex_;
+  mutable std::mutex mutex_;  // guards history_, history_bytes_ and counters_
   std::deque<std::shared_ptr<const Snapshot>> history_;
   std::size_t history_bytes_ = 0;
   CrowdCounters counters_;
@@ -109,6 +112,7 @@ class Crowd {
   std::vector<std::uint32_t> slot_of_column_;
   std::unordered_map<std::uint64_t, std::uint32_t> slot_of_id_;
   std::vector<std::uint32_t> free_slots_;
+  std::vector<std::uint8_t> moved_;  // by slot: the agent's motion is known (two samples or more)
 };
 
 }  // namespace throng::render

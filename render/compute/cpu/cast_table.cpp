@@ -1,0 +1,105 @@
+#include "render/compute/cpu/cast_table.hpp"
+
+#include <absl/strings/str_cat.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "render/compute/element/octahedral.hpp"
+#include "render/crowd/gait_of.hpp"
+
+namespace throng::render {
+namespace {
+
+std::vector<element::SourceVertex> source_vertices(const Character& character) {
+  std::vector<element::SourceVertex> result(character.vertex_count());
+  for (std::size_t i = 0; i < result.size(); ++i) {
+    result[i] = {character.position[i], element::unpack_octahedral(character.normal[i]),
+                 character.joint_index[i], character.joint_weight[i]};
+    for (int k = 0; k < 4; ++k) {
+      // so that a joint nobody needs is not looked at
+      if (result[i].joint_weight[k] == 0) result[i].joint_index[k] = result[i].joint_index[0];
+    }
+  }
+  return result;
+}
+
+std::vector<element::JointMatrix> columns_of(std::span<const Affine> palette) {
+  std::vector<element::JointMatrix> result(palette.size());
+  for (std::size_t i = 0; i < palette.size(); ++i) {
+    for (int c = 0; c < 4; ++c) {
+      for (int r = 0; r < 3; ++r) result[i].m[4 * c + r] = palette[i].row[r][c];
+      result[i].m[4 * c + 3] = 0.0F;
+    }
+  }
+  return result;
+}
+
+void order_joints(CharacterTable& table, std::uint32_t joint_count) {
+  std::vector<bool> is_known(joint_count, false);
+  table.joint_count_at.push_back(0);
+  for (const element::SourceVertex& vertex : table.vertex) {
+    for (int k = 0; k < 4; ++k) {
+      const std::uint8_t joint = vertex.joint_index[k];
+      if (is_known[joint]) continue;
+      is_known[joint] = true;
+      table.joint_order.push_back(joint);
+    }
+    table.joint_count_at.push_back(static_cast<std::uint32_t>(table.joint_order.size()));
+  }
+}
+
+std::vector<LadderLevel> make_ladder(const Character& character) {
+  std::vector<LadderLevel> ladder;
+  std::uint32_t n = character.vertex_count();
+  for (;;) {
+    LadderLevel& level = ladder.emplace_back();
+    level.vertex_count = n;
+    const std::uint32_t triangles = character.triangle_count_at[n];
+    level.corner.resize(std::size_t{3} * triangles);
+    for (std::uint32_t t = 0; t < triangles; ++t) {
+      for (int i = 0; i < 3; ++i) {
+        std::uint32_t corner = character.triangle[t][i];
+        while (corner >= n) corner = character.collapse_target[corner];
+        level.corner[3 * t + i] = corner;
+      }
+    }
+    if (n <= character.coarsest_count) break;
+    const std::uint32_t next = character.legal_count[n - std::max(1U, n / 5)];
+    n = std::max(next, character.coarsest_count);
+  }
+  std::reverse(ladder.begin(), ladder.end());
+  return ladder;
+}
+
+}  // namespace
+
+absl::StatusOr<std::shared_ptr<const CastTable>> make_cast_table(std::shared_ptr<const Cast> cast) {
+  if (cast == nullptr) return absl::InvalidArgumentError("upload: the cast is missing");
+  auto table = std::make_shared<CastTable>();
+  for (std::size_t m = 0; m < cast->members.size(); ++m) {
+    const Character& character = cast->members[m].character;
+    const std::size_t joints = character.joint_count();
+    if (character.vertex_count() == 0 || joints == 0 || character.palette.size() < joints ||
+        character.coarsest_count == 0) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("upload: cast member ", m, " ('", character.name, "') has ",
+                       character.vertex_count(), " vertices, ", joints, " joints, ",
+                       character.palette.size(), " palette entries and a coarsest level of ",
+                       character.coarsest_count, " vertices; each must be at least 1"));
+    }
+    CharacterTable& entry = table->characters.emplace_back();
+    entry.character = &character;
+    entry.gait = gait_of(character);
+    entry.vertex = source_vertices(character);
+    entry.palette = columns_of(character.palette);
+    order_joints(entry, character.joint_count());
+    entry.ladder = make_ladder(character);
+    table->most_joints = std::max(table->most_joints, character.joint_count());
+    table->most_vertices = std::max(table->most_vertices, character.vertex_count());
+  }
+  table->cast = std::move(cast);
+  return table;
+}
+
+}  // namespace throng::render

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "render/compute/element/gait.hpp"
+#include "render/compute/element/skinning.hpp"
+#include "throng/render/asset.hpp"
+
+namespace throng::render {
+
+/// Triangles as they are drawn with `vertex_count` vertices: corners are below it.
+struct LadderLevel {
+  std::uint32_t vertex_count = 0;
+  std::vector<std::uint32_t> corner;  // [3 * triangle_count_at[vertex_count]]
+};
+
+/// A character as the processor draws it.
+struct CharacterTable {
+  const Character* character = nullptr;  // of the cast
+  element::Gait gait;
+  std::vector<element::SourceVertex> vertex;  // [C]
+  std::vector<element::JointMatrix> palette;  // [F][J]
+  std::vector<std::uint32_t> joint_order;     // joints by the first vertex that needs them
+  std::vector<std::uint32_t> joint_count_at;  // [C+1] how many of them n vertices need
+  // Levels of detail a fifth apart, coarsest first: an instance starts at the next finer one, whose
+  // corners are at most a few collapses away from its own.
+  std::vector<LadderLevel> ladder;
+};
+
+/// The cast on the processor.
+struct CastTable {
+  std::shared_ptr<const Cast> cast;
+  std::vector<CharacterTable> characters;
+  std::uint32_t most_joints = 0;
+  std::uint32_t most_vertices = 0;
+};
+
+/// InvalidArgument names the member and what it lacks.
+absl::StatusOr<std::shared_ptr<const CastTable>> make_cast_table(std::shared_ptr<const Cast> cast);
+
+}  // namespace throng::render

@@ -1,0 +1,299 @@
+#include "render/compute/cpu/cpu_backend.hpp"
+
+#include <absl/strings/str_cat.h>
+
+#include <algorithm>
+#include <mutex>
+#include <new>
+#include <utility>
+#include <vector>
+
+#include "render/compute/cpu/stages.hpp"
+
+namespace throng::render {
+namespace {
+
+/// Instances nobody uses any more, whose memory the next frame takes.
+class InstancesPool {
+ public:
+  static std::shared_ptr<CpuInstances> take(const std::shared_ptr<InstancesPool>& pool) {
+    std::unique_ptr<CpuInstances> instances;
+    {
+      const std::lock_guard lock(pool->mutex_);
+      if (!pool->idle_.empty()) {
+        instances = std::move(pool->idle_.back());
+        pool->idle_.pop_back();
+      }
+    }
+    if (instances == nullptr) instances = std::make_unique<CpuInstances>();
+    return {instances.release(), [pool](CpuInstances* returned) {
+              returned->cast.reset();
+              const std::lock_guard lock(pool->mutex_);
+              pool->idle_.emplace_back(returned);
+            }};
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<CpuInstances>> idle_;
+};
+
+absl::Status out_of_memory(const char* call) {
+  return absl::ResourceExhaustedError(absl::StrCat(call, ": out of memory"));
+}
+
+class CpuBackend final : public ComputeBackend {
+ public:
+  explicit CpuBackend(unsigned threads) : pool_(threads), scratch_(pool_.thread_count()) {}
+
+  absl::Status upload(std::shared_ptr<const Cast> cast) override {
+    auto table = make_cast_table(std::move(cast));
+    if (!table.ok()) return table.status();
+    const std::lock_guard lock(mutex_);
+    cast_ = *std::move(table);
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<std::shared_ptr<const DeviceSnapshot>> upload(
+      std::shared_ptr<const Snapshot> snapshot) override {
+    const std::shared_ptr<const CastTable> cast = this->cast();
+    if (cast == nullptr) return absl::FailedPreconditionError("upload: the cast comes first");
+    if (snapshot == nullptr || (snapshot->roster == nullptr && !snapshot->present.empty())) {
+      return absl::InvalidArgumentError("upload: the snapshot or its roster is missing");
+    }
+    const std::size_t slots = snapshot->present.size();
+    if (slots > 0) {
+      const Roster& roster = *snapshot->roster;
+      if (snapshot->position_m.size() != slots || snapshot->velocity_mps.size() != slots ||
+          snapshot->heading_rad.size() != slots || snapshot->speed_mps.size() != slots ||
+          snapshot->walked_cycles.size() != slots || roster.id.size() < slots ||
+          roster.character.size() < slots || roster.scale.size() < slots ||
+          roster.seed.size() < slots) {
+        return absl::InvalidArgumentError(
+            absl::StrCat("upload: a column of the snapshot does not have its ", slots, " slots"));
+      }
+      for (const std::vector<float>& channel : snapshot->channels) {
+        if (channel.size() == slots) continue;
+        return absl::InvalidArgumentError(
+            absl::StrCat("upload: a channel has ", channel.size(), " rows, must have ", slots));
+      }
+      std::uint16_t largest = 0;
+      for (std::size_t i = 0; i < slots; ++i) largest = std::max(largest, roster.character[i]);
+      if (largest >= cast->characters.size()) {
+        return absl::InvalidArgumentError(absl::StrCat("upload: the roster names character ",
+                                                       largest, ", must be less than ",
+                                                       cast->characters.size()));
+      }
+    }
+    auto result = std::make_shared<CpuSnapshot>();
+    result->snapshot = std::move(snapshot);
+    return result;
+  }
+
+  absl::StatusOr<std::shared_ptr<const Instances>> advance(const DeviceSnapshot& older,
+                                                           const DeviceSnapshot& newer,
+                                                           std::int64_t scene_time_us,
+                                                           const CrowdSettings& settings,
+                                                           int channel) override {
+    const auto* older_cpu = dynamic_cast<const CpuSnapshot*>(&older);
+    const auto* newer_cpu = dynamic_cast<const CpuSnapshot*>(&newer);
+    if (older_cpu == nullptr || newer_cpu == nullptr) {
+      return absl::InvalidArgumentError("advance: a snapshot is of another backend");
+    }
+    if (older_cpu->snapshot->time_us > newer_cpu->snapshot->time_us) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("advance: older is at ", older_cpu->snapshot->time_us,
+                       " us, must not be after newer at ", newer_cpu->snapshot->time_us, " us"));
+    }
+    try {
+      std::shared_ptr<CpuInstances> instances = InstancesPool::take(instances_pool_);
+      instances->cast = cast();
+      render::advance(*older_cpu->snapshot, *newer_cpu->snapshot, scene_time_us, settings, channel,
+                      pool_, *instances);
+      return instances;
+    } catch (const std::bad_alloc&) {
+      return out_of_memory("advance");
+    }
+  }
+
+  absl::StatusOr<std::unique_ptr<ViewWork>> make_view() override {
+    return std::make_unique<CpuView>();
+  }
+
+  absl::Status cull(ViewWork& view, std::shared_ptr<const Instances> instances,
+                    const Camera& camera, const Viewport& viewport) override {
+    auto* own = dynamic_cast<CpuView*>(&view);
+    auto own_instances = std::dynamic_pointer_cast<const CpuInstances>(std::move(instances));
+    if (own == nullptr || own_instances == nullptr) {
+      return absl::InvalidArgumentError("cull: the view or the instances are of another backend");
+    }
+    if (absl::Status status = check(camera, viewport); !status.ok()) return status;
+    try {
+      own->stage = ViewStage::kNew;
+      own->instances = std::move(own_instances);
+      render::cull(*own, camera, viewport, pool_);
+      own->stage = ViewStage::kCulled;
+      return absl::OkStatus();
+    } catch (const std::bad_alloc&) {
+      return out_of_memory("cull");
+    }
+  }
+
+  absl::Status select(ViewWork& view, const Selection& selection) override {
+    auto* own = dynamic_cast<CpuView*>(&view);
+    if (absl::Status status = check_stage("select", own, ViewStage::kCulled, "cull");
+        !status.ok()) {
+      return status;
+    }
+    if (selection.alpha != 3.0F) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("select: alpha is ", selection.alpha, ", must be 3"));
+    }
+    try {
+      render::select(*own, selection, pool_);
+      own->stage = ViewStage::kSelected;
+      return absl::OkStatus();
+    } catch (const std::bad_alloc&) {
+      return out_of_memory("select");
+    }
+  }
+
+  absl::Status allocate(ViewWork& view) override {
+    auto* own = dynamic_cast<CpuView*>(&view);
+    if (absl::Status status = check_stage("allocate", own, ViewStage::kSelected, "select");
+        !status.ok()) {
+      return status;
+    }
+    try {
+      own->stage = ViewStage::kSelected;
+      if (absl::Status status = render::allocate(*own); !status.ok()) return status;
+      own->stage = ViewStage::kAllocated;
+      return absl::OkStatus();
+    } catch (const std::bad_alloc&) {
+      return out_of_memory("allocate");
+    }
+  }
+
+  absl::Status generate(ViewWork& view) override {
+    auto* own = dynamic_cast<CpuView*>(&view);
+    if (absl::Status status = check_stage("generate", own, ViewStage::kAllocated, "allocate");
+        !status.ok()) {
+      return status;
+    }
+    try {
+      // scratch is by worker and shared by the views, so one view is generated at a time
+      const std::lock_guard lock(generate_mutex_);
+      render::generate(*own, pool_, scratch_);
+      own->stage = ViewStage::kGenerated;
+      return absl::OkStatus();
+    } catch (const std::bad_alloc&) {
+      return out_of_memory("generate");
+    }
+  }
+
+  FrameGeometry geometry(const ViewWork& view) const override {
+    const auto* own = dynamic_cast<const CpuView*>(&view);
+    if (own == nullptr || own->stage != ViewStage::kGenerated) return {};
+    return {own->visible.span(), own->vertex_offset.span(), own->triangle_offset.span(),
+            own->vertices.span(), own->indices.span()};
+  }
+
+  ComputeCounters counters(const ViewWork& view) const override {
+    const auto* own = dynamic_cast<const CpuView*>(&view);
+    ComputeCounters counters;
+    if (own == nullptr || own->stage < ViewStage::kCulled) return counters;
+    counters.agents = own->instances->present;
+    counters.visible = static_cast<std::uint32_t>(own->visible.size());
+    if (own->stage < ViewStage::kSelected) return counters;
+    counters.effective_budget = own->effective_budget;
+    for (const VisibleInstance& instance : own->visible.span()) {
+      counters.vertices += instance.vertex_count;
+      counters.triangles += instance.triangle_count;
+    }
+    return counters;
+  }
+
+  absl::Status read_visible(const ViewWork& view, std::span<std::uint8_t> visible) override {
+    const auto* own = dynamic_cast<const CpuView*>(&view);
+    if (absl::Status status = check_stage("read_visible", own, ViewStage::kCulled, "cull");
+        !status.ok()) {
+      return status;
+    }
+    if (visible.size() != own->mask.size()) {
+      return absl::InvalidArgumentError(absl::StrCat("read_visible: visible has ", visible.size(),
+                                                     " elements, must have ", own->mask.size()));
+    }
+    std::copy_n(own->mask.data(), own->mask.size(), visible.begin());
+    return absl::OkStatus();
+  }
+
+ private:
+  std::shared_ptr<const CastTable> cast() const {
+    const std::lock_guard lock(mutex_);
+    return cast_;
+  }
+
+  static absl::Status check(const Camera& camera, const Viewport& viewport) {
+    constexpr std::uint32_t kLargestPx = 16384;
+    if (viewport.width_px == 0 || viewport.width_px > kLargestPx || viewport.height_px == 0 ||
+        viewport.height_px > kLargestPx) {
+      return absl::InvalidArgumentError(absl::StrCat("cull: the viewport is ", viewport.width_px,
+                                                     "x", viewport.height_px, " px, must be 1 to ",
+                                                     kLargestPx));
+    }
+    const bool is_finite = [&] {
+      for (int i = 0; i < 3; ++i) {
+        if (!std::isfinite(camera.eye_world[i]) || !std::isfinite(camera.target_world[i]) ||
+            !std::isfinite(camera.up_world[i])) {
+          return false;
+        }
+      }
+      return true;
+    }();
+    if (!is_finite) {
+      return absl::InvalidArgumentError("cull: the camera's eye, target and up must be numbers");
+    }
+    if (!(camera.near_m > 0.0) || !std::isfinite(camera.near_m)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("cull: near_m is ", camera.near_m, ", must be > 0"));
+    }
+    if (camera.ortho_height_m > 0.0) {
+      if (!std::isfinite(camera.ortho_height_m) || !(camera.far_m > camera.near_m) ||
+          !std::isfinite(camera.far_m)) {
+        return absl::InvalidArgumentError(
+            absl::StrCat("cull: an orthographic camera has a height of ", camera.ortho_height_m,
+                         " m and far_m ", camera.far_m, ", must be beyond near_m ", camera.near_m));
+      }
+    } else if (!(camera.fov_y_rad > 0.0) || !(camera.fov_y_rad < 3.14)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("cull: fov_y_rad is ", camera.fov_y_rad, ", must be in (0, 3.14)"));
+    }
+    return absl::OkStatus();
+  }
+
+  static absl::Status check_stage(const char* call, const CpuView* view, ViewStage needed,
+                                  const char* before) {
+    if (view == nullptr) {
+      return absl::InvalidArgumentError(absl::StrCat(call, ": the view is of another backend"));
+    }
+    if (view->stage < needed) {
+      return absl::FailedPreconditionError(absl::StrCat(call, ": ", before, " comes first"));
+    }
+    return absl::OkStatus();
+  }
+
+  mutable std::mutex mutex_;
+  std::shared_ptr<const CastTable> cast_;
+  std::shared_ptr<InstancesPool> instances_pool_ = std::make_shared<InstancesPool>();
+  std::mutex generate_mutex_;
+  WorkPool pool_;
+  std::vector<WorkerScratch> scratch_;
+};
+
+}  // namespace
+
+std::unique_ptr<ComputeBackend> make_cpu_backend(unsigned threads) {
+  return std::make_unique<CpuBackend>(threads);
+}
+
+}  // namespace throng::render

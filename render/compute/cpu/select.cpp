@@ -1,0 +1,198 @@
+#include <algorithm>
+#include <limits>
+
+#include "render/compute/cpu/stages.hpp"
+
+namespace throng::render {
+namespace {
+
+constexpr std::size_t kChunk = 4096;
+constexpr int kRounds = 4;  // of dealing again
+
+/// What a rate (vertices per share, 32 fractional bits) gives.
+struct Deal {
+  std::uint64_t vertices = 0;  // sum of n_i
+  std::uint64_t fixed = 0;     // of it, at the least or the most
+  std::uint64_t free_shares = 0;
+};
+
+class Dealer {
+ public:
+  Dealer(CpuView& view, WorkPool& pool) : view_(view), pool_(pool) {
+    const std::size_t chunks = (view.visible.size() + kChunk - 1) / kChunk;
+    view.chunk_sum.resize(chunks);
+    view.chunk_fixed.resize(chunks);
+    view.chunk_free.resize(chunks);
+  }
+
+  /// Sums over the instances as if dealt with `rate`. Integers, so any order gives the same.
+  Deal deal(std::uint64_t rate) {
+    pool_.for_chunks(view_.visible.size(), kChunk, [&](std::size_t begin, std::size_t end) {
+      Deal sum;
+      for (std::size_t i = begin; i < end; ++i) {
+        const VisibleInstance& instance = view_.visible[i];
+        const Character& character = character_of(instance);
+        const std::uint32_t most = character.vertex_count();
+        const std::uint32_t least = character.coarsest_count;
+        const std::uint32_t dealt = element::deal(rate, view_.share[i], least, most);
+        const std::uint32_t legal = character.legal_count[dealt];
+        sum.vertices += legal;
+        if (dealt == least || dealt == most) {
+          sum.fixed += legal;
+        } else {
+          sum.free_shares += view_.share[i];
+        }
+      }
+      const std::size_t chunk = begin / kChunk;
+      view_.chunk_sum[chunk] = sum.vertices;
+      view_.chunk_fixed[chunk] = sum.fixed;
+      view_.chunk_free[chunk] = sum.free_shares;
+    });
+    Deal total;
+    for (std::size_t chunk = 0; chunk < view_.chunk_sum.size(); ++chunk) {
+      total.vertices += view_.chunk_sum[chunk];
+      total.fixed += view_.chunk_fixed[chunk];
+      total.free_shares += view_.chunk_free[chunk];
+    }
+    return total;
+  }
+
+  void assign(std::uint64_t rate) {
+    pool_.for_chunks(view_.visible.size(), kChunk, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        VisibleInstance& instance = view_.visible[i];
+        const Character& character = character_of(instance);
+        const std::uint32_t dealt =
+            element::deal(rate, view_.share[i], character.coarsest_count, character.vertex_count());
+        instance.vertex_count = character.legal_count[dealt];
+        instance.triangle_count = character.triangle_count_at[instance.vertex_count];
+      }
+    });
+  }
+
+  const Character& character_of(const VisibleInstance& instance) const {
+    return *view_.instances->cast->characters[instance.character].character;
+  }
+
+ private:
+  CpuView& view_;
+  WorkPool& pool_;
+};
+
+/// vertices / shares with 32 fractional bits, saturated. vertices < 2^32.
+std::uint64_t rate_of(std::uint64_t vertices, std::uint64_t shares) {
+  return shares == 0 ? std::numeric_limits<std::uint64_t>::max() : (vertices << 32) / shares;
+}
+
+/// The best rate found in `kRounds` rounds that stays within `budget`.
+///
+/// The sum of clamp(rate * share) grows with the rate piece by piece in straight lines. From the
+/// rate of equation 1, each round deals out what is left to the instances that are neither at their
+/// least nor at their most (a Newton step); a step that leaves the bracket, and the last one, take
+/// the chord instead, which the least counts bend to the safe side.
+std::uint64_t rate_within(Dealer& dealer, std::uint64_t budget, std::uint64_t first_rate,
+                          std::uint64_t least_sum, std::uint64_t most_sum) {
+  if (most_sum <= budget) return std::numeric_limits<std::uint64_t>::max();
+  std::uint64_t low = 0, low_sum = least_sum;
+  std::uint64_t high = std::numeric_limits<std::uint64_t>::max(), high_sum = 0;
+  bool has_high = false;
+  std::uint64_t rate = first_rate;
+  for (int round = 0; round <= kRounds; ++round) {
+    const Deal dealt = dealer.deal(rate);
+    if (dealt.vertices <= budget) {
+      low = rate;
+      low_sum = dealt.vertices;
+      if (budget - low_sum <= budget / 1024) break;
+    } else {
+      high = rate;
+      high_sum = dealt.vertices;
+      has_high = true;
+    }
+    std::uint64_t next = 0;
+    if (dealt.free_shares > 0 && dealt.fixed < budget) {
+      next = rate_of(budget - dealt.fixed, dealt.free_shares);
+      // snapping loses a little of what is dealt: ask for as much more
+      if (dealt.vertices <= budget && next <= rate) next = rate + (rate >> 10);
+    }
+    const bool is_last = round + 1 == kRounds;
+    if (has_high && (next <= low || next >= high || (is_last && low_sum + budget / 64 < budget))) {
+      const double share =
+          static_cast<double>(budget - low_sum) / static_cast<double>(high_sum - low_sum);
+      next = low + static_cast<std::uint64_t>(static_cast<double>(high - low) * share);
+    }
+    if (next <= low || next >= high) break;
+    rate = next;
+  }
+  return low;
+}
+
+}  // namespace
+
+void select(CpuView& view, const Selection& selection, WorkPool& pool) {
+  const std::size_t count = view.visible.size();
+  view.share.resize(count);
+  Dealer dealer(view, pool);
+
+  // equation 1's weights as integers, and the sums that bound the budget
+  std::vector<std::uint64_t>& shares = view.chunk_sum;
+  std::vector<std::uint64_t>& least = view.chunk_fixed;
+  std::vector<std::uint64_t>& most = view.chunk_free;
+  pool.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {
+    std::uint64_t share_sum = 0, least_sum = 0, most_sum = 0;
+    for (std::size_t i = begin; i < end; ++i) {
+      const VisibleInstance& instance = view.visible[i];
+      const Character& character = dealer.character_of(instance);
+      view.share[i] = element::selection_share(
+          element::selection_weight(view.projection, instance.radius_m, view.distance_m[i]));
+      share_sum += view.share[i];
+      least_sum += character.coarsest_count;
+      most_sum += character.vertex_count();
+    }
+    const std::size_t chunk = begin / kChunk;
+    shares[chunk] = share_sum;
+    least[chunk] = least_sum;
+    most[chunk] = most_sum;
+  });
+  std::uint64_t share_sum = 0, least_sum = 0, most_sum = 0;
+  for (std::size_t chunk = 0; chunk < shares.size(); ++chunk) {
+    share_sum += shares[chunk];
+    least_sum += least[chunk];
+    most_sum += most[chunk];
+  }
+
+  // a budget beyond the crowd's full detail changes nothing, and this keeps the products in 64 bits
+  const std::uint64_t budget =
+      std::min<std::uint64_t>(selection.vertex_budget, std::numeric_limits<std::uint32_t>::max());
+  view.effective_budget = std::max(selection.vertex_budget, least_sum);
+  std::uint64_t rate = rate_of(budget, share_sum);
+  if (selection.rule == LodRule::kBudget && count > 0) {
+    rate = rate_within(dealer, std::max(budget, least_sum), rate, least_sum, most_sum);
+  }
+  dealer.assign(rate);
+}
+
+absl::Status allocate(CpuView& view) {
+  const std::size_t count = view.visible.size();
+  view.vertex_offset.resize(count + 1);
+  view.triangle_offset.resize(count + 1);
+  std::uint64_t vertices = 0, triangles = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    view.vertex_offset[i] = static_cast<std::uint32_t>(vertices);
+    view.triangle_offset[i] = static_cast<std::uint32_t>(triangles);
+    vertices += view.visible[i].vertex_count;
+    triangles += view.visible[i].triangle_count;
+  }
+  constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max();
+  if (vertices > kMost || 3 * triangles > kMost) {
+    return absl::ResourceExhaustedError(
+        "allocate: " + std::to_string(vertices) + " vertices and " + std::to_string(3 * triangles) +
+        " indices, must each be at most " + std::to_string(kMost) + "; lower the vertex budget");
+  }
+  view.vertex_offset[count] = static_cast<std::uint32_t>(vertices);
+  view.triangle_offset[count] = static_cast<std::uint32_t>(triangles);
+  view.vertices.resize(vertices);
+  view.indices.resize(3 * triangles);
+  return absl::OkStatus();
+}
+
+}  // namespace throng::render

@@ -1,0 +1,72 @@
+#include "render/compute/cpu/work_pool.hpp"
+
+namespace throng::render {
+
+WorkPool::WorkPool(unsigned threads) {
+  if (threads == 0) threads = std::max(1U, std::thread::hardware_concurrency());
+  workers_.reserve(threads - 1);
+  for (unsigned worker = 1; worker < threads; ++worker) {
+    workers_.emplace_back([this, worker] { work(worker); });
+  }
+}
+
+WorkPool::~WorkPool() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  start_.notify_all();
+}
+
+void WorkPool::take_chunks(unsigned worker) {
+  for (;;) {
+    const std::size_t chunk = next_chunk_.fetch_add(1, std::memory_order_relaxed);
+    if (chunk >= chunk_count_) return;
+    function_(context_, chunk, worker);
+  }
+}
+
+void WorkPool::run_job(std::size_t chunk_count, Function function, void* context) {
+  if (chunk_count == 0) return;
+  if (chunk_count == 1 || workers_.empty()) {
+    // scratch is by worker, so even a small job waits for its turn
+    const std::lock_guard turn(caller_mutex_);
+    for (std::size_t chunk = 0; chunk < chunk_count; ++chunk) function(context, chunk, 0);
+    return;
+  }
+  const std::lock_guard turn(caller_mutex_);
+  {
+    const std::lock_guard lock(mutex_);
+    function_ = function;
+    context_ = context;
+    chunk_count_ = chunk_count;
+    next_chunk_.store(0, std::memory_order_relaxed);
+    busy_ = static_cast<unsigned>(workers_.size());
+    ++job_;
+  }
+  start_.notify_all();
+  take_chunks(0);
+  std::unique_lock lock(mutex_);
+  done_.wait(lock, [this] { return busy_ == 0; });
+}
+
+void WorkPool::work(unsigned worker) {
+  std::uint64_t finished = 0;
+  for (;;) {
+    {
+      std::unique_lock lock(mutex_);
+      start_.wait(lock, [&] { return stopping_ || job_ != finished; });
+      if (stopping_) return;
+      finished = job_;
+    }
+    take_chunks(worker);
+    bool last = false;
+    {
+      const std::lock_guard lock(mutex_);
+      last = --busy_ == 0;
+    }
+    if (last) done_.notify_one();
+  }
+}
+
+}  // namespace throng::render

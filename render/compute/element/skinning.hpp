@@ -1,0 +1,100 @@
+#pragma once
+
+#include <glm/glm.hpp>
+
+#include "render/compute/element/angle.hpp"
+#include "render/compute/element/host_device.hpp"
+#include "render/compute/element/octahedral.hpp"
+#include "render/compute/element/pose.hpp"
+
+namespace throng::render::element {
+
+/// A joint's matrix T * B^-1 of equation 2 by columns, the fourth row left out: x, y, z, unused.
+/// One cache line, and one register of a wide processor.
+struct alignas(64) JointMatrix {
+  float m[16];  // column c, row r at 4 c + r
+};
+
+/// How a model stands in the world: turned by the heading and scaled, not moved.
+struct Placement {
+  float cosine_scale = 1.0F;  // scale * cos(heading)
+  float sine_scale = 0.0F;
+  float scale = 1.0F;
+};
+
+THRONG_HOST_DEVICE inline Placement place(float heading_rad, float scale) {
+  const SinCos turned = sin_cos(heading_rad);
+  return {scale * turned.cosine, scale * turned.sine, scale};
+}
+
+/// The bounding sphere (xyz, radius) of a placed model that stands at `position_m`.
+THRONG_HOST_DEVICE inline glm::vec4 place_sphere(const Placement& placement,
+                                                 const glm::vec3& position_m,
+                                                 const glm::vec4& bounds) {
+  const float x = fused(bounds.x, placement.cosine_scale, bounds.y * -placement.sine_scale);
+  const float y = fused(bounds.y, placement.cosine_scale, bounds.x * placement.sine_scale);
+  return glm::vec4(position_m.x + x, position_m.y + y,
+                   fused(bounds.z, placement.scale, position_m.z), bounds.w * placement.scale);
+}
+
+/// Element `k` of a pose's matrix: each clip between its two frames, then the clips mixed.
+THRONG_HOST_DEVICE inline float mix_pose(const Pose& pose, float a0, float a1, float b0, float b1) {
+  const float a = fused(pose.a_t, a1 - a0, a0);
+  const float b = fused(pose.b_t, b1 - b0, b0);
+  return fused(pose.b_weight, b - a, a);
+}
+
+/// A joint of a posed instance: the mixed matrix, turned and scaled into world axes.
+/// For an instance whose pose has no clip b, pass a0 and a1 again; the weight is 0.
+THRONG_HOST_DEVICE inline void pose_joint(const Pose& pose, const Placement& placement,
+                                          const JointMatrix& a0, const JointMatrix& a1,
+                                          const JointMatrix& b0, const JointMatrix& b1,
+                                          JointMatrix& result) {
+  for (int c = 0; c < 4; ++c) {
+    const int k = 4 * c;
+    const float x = mix_pose(pose, a0.m[k], a1.m[k], b0.m[k], b1.m[k]);
+    const float y = mix_pose(pose, a0.m[k + 1], a1.m[k + 1], b0.m[k + 1], b1.m[k + 1]);
+    const float z = mix_pose(pose, a0.m[k + 2], a1.m[k + 2], b0.m[k + 2], b1.m[k + 2]);
+    result.m[k] = fused(x, placement.cosine_scale, y * -placement.sine_scale);
+    result.m[k + 1] = fused(y, placement.cosine_scale, x * placement.sine_scale);
+    result.m[k + 2] = z * placement.scale;
+    result.m[k + 3] = 0.0F;
+  }
+}
+
+/// A vertex of the bind pose as skinning wants it. 32 bytes.
+struct SourceVertex {
+  glm::vec3 position_m;
+  glm::vec3 normal;
+  glm::u8vec4 joint_index;
+  glm::u8vec4 joint_weight;  // sums to 255
+};
+static_assert(sizeof(SourceVertex) == 32);
+
+struct SkinnedVertex {
+  glm::vec3 position_m;  // world axes, from the instance's feet
+  glm::vec3 normal;      // world axes, not normalised
+};
+
+/// Linear blend skinning (equation 2 of Dong & Peng 2019): the weighted sum of the joints'
+/// matrices, which starts at zero, times the vertex.
+THRONG_HOST_DEVICE inline SkinnedVertex skin(const SourceVertex& source,
+                                             const JointMatrix* palette) {
+  float m[16];
+  for (int k = 0; k < 16; ++k) m[k] = 0.0F;
+  for (int j = 0; j < 4; ++j) {
+    const float weight = static_cast<float>(source.joint_weight[j]) * (1.0F / 255.0F);
+    const JointMatrix& joint = palette[source.joint_index[j]];
+    for (int k = 0; k < 16; ++k) m[k] = fused(weight, joint.m[k], m[k]);
+  }
+  SkinnedVertex result;
+  const glm::vec3& p = source.position_m;
+  const glm::vec3& n = source.normal;
+  for (int r = 0; r < 3; ++r) {
+    result.position_m[r] = fused(m[r], p.x, fused(m[4 + r], p.y, fused(m[8 + r], p.z, m[12 + r])));
+    result.normal[r] = fused(m[r], n.x, fused(m[4 + r], n.y, m[8 + r] * n.z));
+  }
+  return result;
+}
+
+}  // namespace throng::render::element
