@@ -19,6 +19,9 @@ struct ReadOptions {
   std::optional<double> source_unit_m;     // metres per unit of length (1 or 0.01); likewise
   bool ground_z = false;                   // false: z is head height (archive) and is ignored
   std::string format;                      // empty: told by content; else a name of `format_names()`
+  // Rows held in memory while a file is sorted by time; more go to a temporary file in $TMPDIR,
+  // else /var/tmp. Formats that are in order of time need one frame only.
+  std::size_t memory_bytes = 128u << 20;
 };
 
 /// What is known of a file before its frames are read.
@@ -48,12 +51,32 @@ class Reader {
   /// Fills `frame` and returns true, or returns false at the end.
   /// InvalidArgument names file, line (or table and row), value and remedy.
   virtual absl::StatusOr<bool> next(Frame& frame) = 0;
+  /// How many of the frames so far are not in the file: it lists only frames with somebody, so
+  /// an empty one is inserted where everybody of the frame before has left.
+  virtual std::int64_t frames_inserted() const { return 0; }
   /// The name of an agent whose id in the file is a string; empty for plain integers.
   virtual std::string agent_name(std::uint64_t id) const { return {}; }
 };
 
 /// Opens a file, telling its format by content. NotFound; InvalidArgument with file, line and remedy.
 absl::StatusOr<std::unique_ptr<Reader>> open(const std::string& path, const ReadOptions& options = {});
+
+/// What `throng info FILE` says of a file.
+struct Summary {
+  Info info;                        // with the notes of the whole file
+  std::uint64_t agents = 0;         // distinct ids
+  std::uint64_t most_at_once = 0;
+  std::uint64_t frames = 0;         // that the file has, with or without anybody
+  std::uint64_t frames_inserted = 0;  // see Reader::frames_inserted
+  double duration_s = 0.0;          // last frame minus first
+  bool has_positions = false;       // the extent holds something
+  double min_x_m = 0.0, max_x_m = 0.0, min_y_m = 0.0, max_y_m = 0.0, min_z_m = 0.0, max_z_m = 0.0;
+  bool has_z = false;
+  bool has_heading = false;         // at least one known heading
+};
+
+/// Reads a whole file, in bounded memory but for one id per agent. Errors as of `open` and `next`.
+absl::StatusOr<Summary> summarize(const std::string& path, const ReadOptions& options = {});
 
 /// Names that ReadOptions::format takes.
 std::vector<std::string> format_names();
