@@ -160,6 +160,8 @@ def channel_columns(names: Sequence[str], values: Dict[str, Any], count: int,
 def _numbers(values: Any, what: str) -> np.ndarray:
     try:
         array = np.asarray(values)
+        if array.dtype.kind == "c":
+            raise BadFrame(what, f"publish: {what} are complex numbers, must be real")
         if array.dtype.kind not in "fiub":
             array = array.astype(np.float64)
     except (TypeError, ValueError) as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
@@ -95,13 +96,15 @@ class IdTable:
                 array = np.asarray(ids) if ids else np.zeros(0, np.uint64)
             except (OverflowError, ValueError) as error:
                 raise BadFrame("ids", f"publish: ids can't be read as integers: {error}") from None
+            if array.dtype.kind == "f" and array.ndim == 1:  # NumPy has no common type for -1 and 2**63
+                array = np.array(ids, object)
         if array.ndim != 1:
             raise BadFrame("ids", f"publish: ids has shape {array.shape}, must be [A]")
         if array.dtype.kind == "U" or (array.dtype.kind == "O" and all(isinstance(v, str) for v in array)):
             return self._from_strings(array.tolist())
         if array.dtype.kind == "O":
             try:
-                array = np.array([int(value) & _MASK for value in array], np.uint64)
+                array = np.array([operator.index(value) & _MASK for value in array], np.uint64)
             except (TypeError, ValueError):
                 raise BadFrame("ids", "publish: ids must be all integers or all strings") from None
         if array.dtype.kind not in "iu":

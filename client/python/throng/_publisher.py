@@ -161,8 +161,8 @@ class Publisher:
             seconds = float(t)
         except (TypeError, ValueError):
             raise BadFrame("t", f"publish: t is {t!r}, must be a number of seconds") from None
-        if not math.isfinite(seconds) or abs(seconds) > 9e12:
-            raise BadFrame("t", f"publish: t is {seconds} s, must be finite and within 9e12")
+        if not math.isfinite(seconds) or abs(seconds) > 1e11:
+            raise BadFrame("t", f"publish: t is {seconds} s, must be finite and within 1e11")
         time_us = round(seconds * 1e6)
 
         membership, rows = self._ids.lookup(ids)
