@@ -25,9 +25,10 @@ _CHUNK_OVERHEAD_BYTES = 512     # field headers, frame index, time, epoch
 _MIN_CHUNK_BYTES = 4096
 
 # What this producer did not cause and can't cure: said once, tried again slowly.
-_REFUSED = (grpc.StatusCode.ALREADY_EXISTS, grpc.StatusCode.UNAUTHENTICATED, grpc.StatusCode.PERMISSION_DENIED,
-            grpc.StatusCode.INVALID_ARGUMENT, grpc.StatusCode.UNIMPLEMENTED, grpc.StatusCode.RESOURCE_EXHAUSTED,
-            grpc.StatusCode.FAILED_PRECONDITION)
+_REFUSED_NAMES = frozenset(("ALREADY_EXISTS", "UNAUTHENTICATED", "PERMISSION_DENIED", "INVALID_ARGUMENT",
+                            "UNIMPLEMENTED", "RESOURCE_EXHAUSTED", "FAILED_PRECONDITION"))
+# The connection was lost rather than refused: the crowd is still this producer's.
+_BROKEN_NAMES = frozenset(("UNAVAILABLE", "CANCELLED", "UNKNOWN", "INTERNAL"))
 
 
 class Endpoint(NamedTuple):
@@ -83,6 +84,7 @@ class _Session:
         self.membership: Optional[Membership] = None
         self.resend_membership = False
         self.first_frame_of_epoch = 0          # acks of older frames speak of an older epoch
+        self.newest_frame: Optional[Frame] = None
         self.sent_frames = 0
         self.acked_frames = 0
         self.waiting_since: Optional[float] = None  # oldest thing that has not been acknowledged
@@ -202,6 +204,12 @@ class Sender:
             with self._changed:
                 if self._session is session:
                     self._session = None
+                broken = code in _BROKEN_NAMES
+                if broken and not self._queue and not self._abandon and session.acked_frames < session.sent_frames:
+                    # Nothing newer will tell where the agents are, so the last frame goes once more;
+                    # a server that had it calls it late.
+                    self._queue.append(session.newest_frame)
+                    self._queued_bytes += session.newest_frame.size_bytes
                 if self._abandon or (self._closing and not self._queue):
                     self.finished_clean = session.completed and code is None
                     return
@@ -214,7 +222,7 @@ class Sender:
             elif code is not None:
                 self._report(f"rpc-{code}", f"publish: crowd {self._crowd!r} at {self._endpoint.target}: "
                                             f"{code}: {detail}")
-                self._reclaim = session.accepted and code in ("UNAVAILABLE", "CANCELLED", "UNKNOWN", "INTERNAL")
+                self._reclaim = session.accepted and broken
                 if code in _REFUSED_NAMES:
                     back_off_s = max(back_off_s, 1.0)
             # Full jitter: many producers of one server must not come back all at once.
@@ -357,6 +365,7 @@ class Sender:
         rows = max(1, (session.chunk_bytes - _CHUNK_OVERHEAD_BYTES - 8 * len(frame.channels)) // row_bytes)
         with self._changed:
             self._counts["sent"] += 1
+            session.newest_frame = frame
             session.sent_frames += 1
             if session.waiting_since is None:
                 session.waiting_since = time.monotonic()
@@ -370,9 +379,6 @@ class Sender:
             elif frame.quaternions is not None:
                 chunk.quaternions = _wire(frame.quaternions[part])
             yield ingest_pb2.PublishAgentsRequest(chunk=chunk)
-
-
-_REFUSED_NAMES = frozenset(code.name for code in _REFUSED)
 
 
 def _wire(column: np.ndarray) -> bytes:

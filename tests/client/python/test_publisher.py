@@ -132,6 +132,15 @@ def test_broken_stream_is_taken_up_again_with_start_scene_and_membership(server,
     assert server.frames[-1].time_us == 300_000 and pub.stats.connections == 2
 
 
+def test_last_frame_is_sent_again_when_it_was_lost_with_the_connection(server, monkeypatch):
+    monkeypatch.setattr(_sender, "FIRST_BACK_OFF_S", 0.01)
+    server.break_after = 1  # read, but never acknowledged
+    with throng.connect(server.url) as pub:
+        pub.publish(0.5, [1], [(0, 0)])
+    assert [frame.stream for frame in server.frames] == [0, 1]
+    assert pub.stats.applied == 1
+
+
 def test_server_that_starts_late_gets_the_newest_frames(make_server, monkeypatch):
     monkeypatch.setattr(_sender, "FIRST_BACK_OFF_S", 0.01)
     monkeypatch.setattr(_sender, "LAST_BACK_OFF_S", 0.05)
@@ -294,8 +303,8 @@ def test_silent_server_is_given_up(server, monkeypatch):
     pub.publish(0.0, [1], [(0, 0)])
     server.wait(lambda s: len(s.metadata) == 1)
     monkeypatch.setattr(_sender, "ACK_TIMEOUT_S", 0.0)
-    pub.publish(0.1, [1], [(0, 0)])
-    server.wait(lambda s: len(s.metadata) == 2)
+    while len(server.metadata) < 2:
+        pub.publish(0.1, [1], [(0, 0)])
     monkeypatch.setattr(_sender, "ACK_TIMEOUT_S", 60.0)
     server.reading.set()
     assert pub.close(20)
