@@ -3,7 +3,7 @@
 
 #include <new>
 
-#include "encode/image_size.hpp"
+#include "render/encode/image_size.hpp"
 #include "throng/render/encode.hpp"
 
 namespace throng::render {

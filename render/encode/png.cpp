@@ -6,7 +6,7 @@
 #include <cstring>
 #include <new>
 
-#include "encode/image_size.hpp"
+#include "render/encode/image_size.hpp"
 #include "throng/render/encode.hpp"
 
 namespace throng::render {

@@ -15,7 +15,7 @@ extern "C" {
 #include <cstdio>
 #include <mutex>
 
-#include "encode/image_size.hpp"
+#include "render/encode/image_size.hpp"
 #include "throng/render/encode.hpp"
 
 namespace throng::render {

@@ -1,4 +1,4 @@
-#include "raster/gl/gl_rasterizer.hpp"
+#include "render/raster/gl/gl_rasterizer.hpp"
 #include "throng/render/raster.hpp"
 
 namespace throng::render {
@@ -6,7 +6,7 @@ namespace throng::render {
 absl::StatusOr<std::unique_ptr<Rasterizer>> make_rasterizer(RasterKind kind, unsigned threads) {
   switch (kind) {
     case RasterKind::kGl:
-      return gl::make_gl_rasterizer();
+      return gl::make_gl_rasterizer(threads);
     case RasterKind::kVisibility:
       break;
   }

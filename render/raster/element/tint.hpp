@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <glm/glm.hpp>
 
-#include "raster/element/color.hpp"
+#include "render/raster/element/color.hpp"
 
 namespace throng::render::element {
 

@@ -1,4 +1,4 @@
-#include "raster/gl/cast_textures.hpp"
+#include "render/raster/gl/cast_textures.hpp"
 
 #include <absl/strings/str_cat.h>
 

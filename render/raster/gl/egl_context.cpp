@@ -1,4 +1,4 @@
-#include "raster/gl/egl_context.hpp"
+#include "render/raster/gl/egl_context.hpp"
 
 #include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>

@@ -1,4 +1,4 @@
-#include "raster/gl/shaders.hpp"
+#include "render/raster/gl/shaders.hpp"
 
 namespace throng::render::gl {
 namespace {

@@ -17,9 +17,9 @@ struct SnappedVertex {
 /// Most corners a triangle has after six half-spaces.
 inline constexpr int kMaxClippedCorners = 9;
 
-/// Clips a triangle (clip space) at the near plane and the guard band and snaps what is left: a convex
-/// polygon, returned as its number of corners (0, or 3 to kMaxClippedCorners). An edge shared by two
-/// triangles is cut at the same point from both sides, so no crack opens.
+/// Clips a triangle (clip space) at the near plane and the guard band and snaps what is left: a
+/// convex polygon, returned as its number of corners (0, or 3 to kMaxClippedCorners). An edge
+/// shared by two triangles is cut at the same point from both sides, so no crack opens.
 int clip_triangle(const SampleGrid& grid, const glm::vec4 corner_clip[3],
                   SnappedVertex polygon[kMaxClippedCorners]);
 

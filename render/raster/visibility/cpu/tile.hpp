@@ -14,21 +14,22 @@ inline constexpr int kTileSamples = 64;  // a side
 inline constexpr int kCellSamples = 8;   // a side of a cell of the depth pyramid
 inline constexpr int kCells = kTileSamples / kCellSamples;
 
-/// Samples of one tile, in 4x4 blocks of 16 consecutive values (one cache line a plane), blocks row by
-/// row. The two planes together are the 64-bit words of element/word.hpp.
+/// Samples of one tile, in 4x4 blocks of 16 consecutive values (one cache line a plane), blocks row
+/// by row. The two planes together are the 64-bit words of element/word.hpp.
 struct alignas(64) TilePlanes {
   float depth[kTileSamples * kTileSamples];
   std::uint32_t id[kTileSamples * kTileSamples];
-  float cell_low[kCells * kCells];  // lower bound of the depth in each cell: what is behind is hidden
+  float
+      cell_low[kCells * kCells];  // lower bound of the depth in each cell: what is behind is hidden
 };
 
 inline constexpr std::size_t sample_index(int x, int y) {
-  return static_cast<std::size_t>((((y >> 2) * (kTileSamples / 4) + (x >> 2)) << 4) + ((y & 3) << 2) +
-                                  (x & 3));
+  return static_cast<std::size_t>((((y >> 2) * (kTileSamples / 4) + (x >> 2)) << 4) +
+                                  ((y & 3) << 2) + (x & 3));
 }
 
-/// All vertices of a frame on the sample grid. `x` is kNeedsClip for a vertex behind the near plane or
-/// outside the guard band; its triangles take the clipping path.
+/// All vertices of a frame on the sample grid. `x` is kNeedsClip for a vertex behind the near plane
+/// or outside the guard band; its triangles take the clipping path.
 struct Projected {
   std::vector<std::int32_t> x, y;  // sub-units from the picture's top left sample corner
   std::vector<float> depth;        // reversed, 0 (infinity) to 1 (near plane)
@@ -58,16 +59,16 @@ Footprint project_vertices(const SampleGrid& grid, const BatchVertex* vertices, 
 struct InstanceTriangles {
   const std::uint32_t* indices;  // [3 * count], into the frame's vertices
   std::uint32_t count;
-  std::uint32_t first_block;     // of the instance
+  std::uint32_t first_block;  // of the instance
   bool double_sided;
   bool clipped;
 };
 
 struct TileCounters {
-  std::uint64_t triangles = 0;   // set up
-  std::uint64_t surviving = 0;   // after back-face, no-sample and off-tile culls
-  std::uint64_t instances = 0;   // drawn
-  std::uint64_t hidden = 0;      // instances not drawn: behind what is there
+  std::uint64_t triangles = 0;  // set up
+  std::uint64_t surviving = 0;  // after back-face, no-sample and off-tile culls
+  std::uint64_t instances = 0;  // drawn
+  std::uint64_t hidden = 0;     // instances not drawn: behind what is there
 };
 
 /// Empties the planes.
@@ -83,7 +84,8 @@ void draw_instance(const InstanceTriangles& triangles, const Projected& projecte
 void update_cells(TilePlanes& planes);
 
 /// True if every sample of the rectangle (tile samples, inclusive) is nearer than `depth_high`.
-bool hidden(const TilePlanes& planes, int x_low, int y_low, int x_high, int y_high, float depth_high);
+bool hidden(const TilePlanes& planes, int x_low, int y_low, int x_high, int y_high,
+            float depth_high);
 
 /// Name of the instruction set in use ("AVX3_ZEN4", "AVX2", ...).
 const char* simd_name();

@@ -1,6 +1,6 @@
-// The loops over vertices, triangles and samples, compiled for each instruction set and chosen at run
-// time. Every set gives the same bytes: integers decide coverage, and floats are multiplied, added and
-// divided one by one in one written order (no fused or approximate operation).
+// The loops over vertices, triangles and samples, compiled for each instruction set and chosen at
+// run time. Every set gives the same bytes: integers decide coverage, and floats are multiplied,
+// added and divided one by one in one written order (no fused or approximate operation).
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "render/raster/visibility/cpu/tile_simd.cpp"
 #include <hwy/foreach_target.h>
@@ -124,9 +124,9 @@ Footprint ProjectVertices(const SampleGrid& grid, const BatchVertex* vertices, s
 
 /// A triangle that covers at least one sample of the tile's rectangle, ready for the blocks.
 struct Setup {
-  std::int32_t x_low, y_low, x_high, y_high;      // tile samples
-  std::int32_t e[3], dx[3], dy[3];                // at the tile's first sample
-  std::int32_t vx, vy;                            // vertex 0, sub-units from the tile's corner
+  std::int32_t x_low, y_low, x_high, y_high;  // tile samples
+  std::int32_t e[3], dx[3], dy[3];            // at the tile's first sample
+  std::int32_t vx, vy;                        // vertex 0, sub-units from the tile's corner
   float z0, dzdx, dzdy, low, high;
   std::uint32_t id;
 };
@@ -161,7 +161,7 @@ HWY_INLINE void DrawBlocks(const Setup& s, TilePlanes& planes) {
       const auto y_units = hn::ConvertTo(
           df, hn::Add(hn::Set(di, by * 4 * element::kSubUnit + kHalf - s.vy), offset_y));
       for (int bx = block_x_low; bx <= block_x_high; ++bx) {
-        const auto inside = hn::Ge(hn::Or(hn::Or(e0, e1), e2), hn::Zero(di));
+        const auto inside = hn::Gt(hn::Or(hn::Or(e0, e1), e2), hn::Set(di, -1));
         if (!hn::AllFalse(di, inside)) {
           const auto x_units = hn::ConvertTo(
               df, hn::Add(hn::Set(di, bx * 4 * element::kSubUnit + kHalf - s.vx), offset_x));
@@ -219,9 +219,8 @@ void DrawOne(SnappedVertex a, SnappedVertex b, SnappedVertex c, std::uint32_t id
   }
   s.vx = a.x;
   s.vy = a.y;
-  const element::DepthPlane plane =
-      element::depth_plane(a.x, a.y, a.depth, b.x, b.y, b.depth, c.x, c.y, c.depth,
-                           static_cast<float>(area));
+  const element::DepthPlane plane = element::depth_plane(a.x, a.y, a.depth, b.x, b.y, b.depth, c.x,
+                                                         c.y, c.depth, static_cast<float>(area));
   s.z0 = plane.z0;
   s.dzdx = plane.dzdx;
   s.dzdy = plane.dzdy;
@@ -271,7 +270,7 @@ void DrawInstance(const InstanceTriangles& triangles, const Projected& projected
   const auto corner_y = hn::Set(di, tile_y * element::kSubUnit);
   const auto zero = hn::Zero(di);
   const auto last = hn::Set(di, kTileSamples - 1);
-  const auto small = hn::Set(di, element::kSmallUnits);
+  const auto small = hn::Set(di, element::kSmallUnits - 1);
   // columns of the survivors of one batch of triangles
   HWY_ALIGN std::int32_t column[15][kMaxLanes];
   HWY_ALIGN float number[5][kMaxLanes];
@@ -287,7 +286,8 @@ void DrawInstance(const InstanceTriangles& triangles, const Projected& projected
     const std::size_t batch = std::min<std::size_t>(lanes, triangles.count - t);
     auto i0 = hn::Zero(di), i1 = i0, i2 = i0;
     if (batch == lanes) {
-      const auto* source = reinterpret_cast<const std::int32_t*>(triangles.indices) + 3 * std::size_t{t};
+      const auto* source =
+          reinterpret_cast<const std::int32_t*>(triangles.indices) + 3 * std::size_t{t};
       hn::LoadInterleaved3(di, source, i0, i1, i2);
     } else {
       // the tail repeats its last triangle, which changes nothing
@@ -304,8 +304,9 @@ void DrawInstance(const InstanceTriangles& triangles, const Projected& projected
     const auto raw0 = hn::GatherIndex(di, xs, i0);
     const auto raw1 = hn::GatherIndex(di, xs, i1);
     const auto raw2 = hn::GatherIndex(di, xs, i2);
-    auto special = hn::Or(hn::Eq(raw0, hn::Set(di, kNeedsClip)),
-                          hn::Or(hn::Eq(raw1, hn::Set(di, kNeedsClip)), hn::Eq(raw2, hn::Set(di, kNeedsClip))));
+    auto special = hn::Or(
+        hn::Eq(raw0, hn::Set(di, kNeedsClip)),
+        hn::Or(hn::Eq(raw1, hn::Set(di, kNeedsClip)), hn::Eq(raw2, hn::Set(di, kNeedsClip))));
     const auto x0 = hn::Sub(raw0, corner_x);
     auto x1 = hn::Sub(raw1, corner_x);
     auto x2 = hn::Sub(raw2, corner_x);
@@ -319,12 +320,14 @@ void DrawInstance(const InstanceTriangles& triangles, const Projected& projected
     const auto y_low = hn::Max(zero, hn::ShiftRight<element::kSubBits>(hn::Add(y_min, rounding)));
     const auto x_high = hn::Min(last, hn::ShiftRight<element::kSubBits>(hn::Sub(x_max, half_unit)));
     const auto y_high = hn::Min(last, hn::ShiftRight<element::kSubBits>(hn::Sub(y_max, half_unit)));
-    auto alive = hn::And(hn::Le(x_low, x_high), hn::Le(y_low, y_high));
-    const auto large = hn::Or(hn::Ge(hn::Sub(x_max, x_min), small), hn::Ge(hn::Sub(y_max, y_min), small));
+    auto alive = hn::Not(hn::Or(hn::Gt(x_low, x_high), hn::Gt(y_low, y_high)));
+    const auto large =
+        hn::Or(hn::Gt(hn::Sub(x_max, x_min), small), hn::Gt(hn::Sub(y_max, y_min), small));
     special = hn::Or(special, hn::And(large, alive));
     alive = hn::AndNot(special, alive);
     // sides are under 2^14, so every product below fits 32 bits
-    auto area = hn::Sub(hn::Mul(hn::Sub(x2, x0), hn::Sub(y1, y0)), hn::Mul(hn::Sub(x1, x0), hn::Sub(y2, y0)));
+    auto area = hn::Sub(hn::Mul(hn::Sub(x2, x0), hn::Sub(y1, y0)),
+                        hn::Mul(hn::Sub(x1, x0), hn::Sub(y2, y0)));
     if (triangles.double_sided) {
       const auto back = hn::Lt(area, zero);
       const auto sx = x1, sy = y1, si = i1;
@@ -380,10 +383,12 @@ void DrawInstance(const InstanceTriangles& triangles, const Projected& projected
     }
     std::uint8_t bits[8] = {};
     hn::StoreMaskBits(di, alive, bits);
-    std::uint32_t alive_bits = static_cast<std::uint32_t>(bits[0]) | static_cast<std::uint32_t>(bits[1]) << 8;
+    std::uint32_t alive_bits =
+        static_cast<std::uint32_t>(bits[0]) | static_cast<std::uint32_t>(bits[1]) << 8;
     std::memset(bits, 0, sizeof(bits));
     hn::StoreMaskBits(di, special, bits);
-    std::uint32_t special_bits = static_cast<std::uint32_t>(bits[0]) | static_cast<std::uint32_t>(bits[1]) << 8;
+    std::uint32_t special_bits =
+        static_cast<std::uint32_t>(bits[0]) | static_cast<std::uint32_t>(bits[1]) << 8;
     const std::uint32_t valid = batch >= 32 ? ~0U : (1U << batch) - 1U;
     alive_bits &= valid;
     special_bits &= valid;

@@ -6,12 +6,13 @@
 
 namespace throng::render::element {
 
-/// Vertices are snapped to 1/256 of a sample; sample (i, j) has its centre at 256 i + 128, 256 j + 128.
+/// Vertices are snapped to 1/256 of a sample; sample (i, j) has its centre at 256 i + 128, 256 j +
+/// 128.
 inline constexpr int kSubBits = 8;
 inline constexpr std::int32_t kSubUnit = 1 << kSubBits;
 
-/// Snapped coordinates lie within +-kGuardUnits of the picture's centre; what goes beyond is clipped.
-/// With it an edge's slope fits 24 bits, and an edge function anywhere in a tile fits 32.
+/// Snapped coordinates lie within +-kGuardUnits of the picture's centre; what goes beyond is
+/// clipped. With it an edge's slope fits 24 bits, and an edge function anywhere in a tile fits 32.
 inline constexpr std::int32_t kGuardUnits = 1 << 22;
 
 /// A triangle whose sides are shorter than this needs 32-bit products only.
@@ -30,8 +31,8 @@ struct Edge {
   std::int32_t dy;
 };
 
-/// The edge from a to b (sub-units relative to the tile's corner, y down) of a triangle whose inside
-/// is where the function is positive.
+/// The edge from a to b (sub-units relative to the tile's corner, y down) of a triangle whose
+/// inside is where the function is positive.
 THRONG_HOST_DEVICE inline Edge edge_between(std::int32_t ax, std::int32_t ay, std::int32_t bx,
                                             std::int32_t by) {
   Edge edge;
@@ -49,16 +50,17 @@ THRONG_HOST_DEVICE inline Edge edge_between(std::int32_t ax, std::int32_t ay, st
   return edge;
 }
 
-/// Twice the area in sub-units squared, positive for triangles that face the viewer (counter-clockwise
-/// in clip space, so clockwise with y down).
-THRONG_HOST_DEVICE inline std::int64_t doubled_area(std::int32_t x0, std::int32_t y0, std::int32_t x1,
-                                                    std::int32_t y1, std::int32_t x2,
-                                                    std::int32_t y2) {
-  return static_cast<std::int64_t>(x2 - x0) * (y1 - y0) - static_cast<std::int64_t>(x1 - x0) * (y2 - y0);
+/// Twice the area in sub-units squared, positive for triangles that face the viewer
+/// (counter-clockwise in clip space, so clockwise with y down).
+THRONG_HOST_DEVICE inline std::int64_t doubled_area(std::int32_t x0, std::int32_t y0,
+                                                    std::int32_t x1, std::int32_t y1,
+                                                    std::int32_t x2, std::int32_t y2) {
+  return static_cast<std::int64_t>(x2 - x0) * (y1 - y0) -
+         static_cast<std::int64_t>(x1 - x0) * (y2 - y0);
 }
 
-/// Reversed depth over the picture: a plane through three snapped vertices, evaluated in one written
-/// order and kept within the triangle's own range.
+/// Reversed depth over the picture: a plane through three snapped vertices, evaluated in one
+/// written order and kept within the triangle's own range.
 struct DepthPlane {
   float z0, dzdx, dzdy;  // per sub-unit, from vertex 0
   float low, high;

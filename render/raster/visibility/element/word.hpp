@@ -6,8 +6,8 @@
 
 namespace throng::render::element {
 
-/// The visibility buffer keeps one 64-bit word per sample and takes the maximum, so the picture does
-/// not depend on the order in which triangles arrive:
+/// The visibility buffer keeps one 64-bit word per sample and takes the maximum, so the picture
+/// does not depend on the order in which triangles arrive:
 ///
 ///     63..32  reversed depth, the bits of a float in (0, 1]; 0: nothing is here
 ///     31..30  class (mesh, impostor, point, static)
@@ -24,7 +24,11 @@ THRONG_HOST_DEVICE inline std::uint32_t sample_id(SampleClass kind, std::uint32_
                                                   std::uint32_t triangle) {
   return (static_cast<std::uint32_t>(kind) << 30) | (block << 7) | triangle;
 }
-THRONG_HOST_DEVICE inline std::uint32_t block_of(std::uint32_t id) { return (id >> 7) & (kMaxBlocks - 1); }
-THRONG_HOST_DEVICE inline std::uint32_t triangle_of(std::uint32_t id) { return id & (kBlockTriangles - 1); }
+THRONG_HOST_DEVICE inline std::uint32_t block_of(std::uint32_t id) {
+  return (id >> 7) & (kMaxBlocks - 1);
+}
+THRONG_HOST_DEVICE inline std::uint32_t triangle_of(std::uint32_t id) {
+  return id & (kBlockTriangles - 1);
+}
 
 }  // namespace throng::render::element

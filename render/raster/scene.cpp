@@ -1,0 +1,110 @@
+#include "raster/scene.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "raster/element/color.hpp"
+#include "raster/element/tint.hpp"
+
+namespace throng::render {
+namespace {
+
+constexpr float kCastShadowFromPx = 40.0F, kCastShadowFullPx = 64.0F;
+
+glm::vec3 channel_color(float value, const Look& look) {
+  if (!std::isfinite(value)) return {0.32F, 0.32F, 0.33F};
+  const float range = look.channel_high - look.channel_low;
+  return element::viridis(range != 0.0F ? (value - look.channel_low) / range : 0.5F);
+}
+
+}  // namespace
+
+SceneFrame make_scene_frame(const Camera& camera, const Viewport& viewport,
+                            const glm::dvec3& origin_world, const Look& look) {
+  const auto width = static_cast<double>(viewport.width_px);
+  const auto height = static_cast<double>(viewport.height_px);
+  SceneFrame scene{};
+  scene.orthographic = camera.ortho_height_m > 0.0;
+  scene.sun_direction = glm::normalize(look.sun_direction_world);
+  scene.sun_color = look.sun_color;
+  scene.sky_color = look.sky_color;
+  scene.ground_light = look.ground_light;
+  scene.horizon_color = look.horizon_color;
+  scene.ground_color = look.ground_color;
+  scene.ground_relative_m = static_cast<float>(origin_world.z - camera.eye_world.z);
+  scene.ground = look.ground;
+  scene.shadows = look.ground && look.shadows && scene.ground_relative_m < 0.0F;
+
+  const glm::dmat3 world_from_view =
+      glm::transpose(glm::dmat3(glm::mat3(view_from_relative(camera))));
+  const double half_height =
+      scene.orthographic ? 0.5 * camera.ortho_height_m : std::tan(0.5 * camera.fov_y_rad);
+  const double per_px = 2.0 * half_height / height;
+  const glm::dvec3 right = world_from_view[0] * per_px, down = world_from_view[1] * -per_px;
+  const glm::dvec3 corner = right * (-0.5 * width) + down * (-0.5 * height);
+  const glm::dvec3 forward = -world_from_view[2];
+  scene.px_per_tangent = static_cast<float>(1.0 / per_px);
+  if (scene.orthographic) {
+    scene.ray_origin = glm::vec3(corner);
+    scene.ray_origin_x = glm::vec3(right);
+    scene.ray_origin_y = glm::vec3(down);
+    scene.ray_direction = glm::vec3(forward);
+  } else {
+    scene.ray_direction = glm::vec3(forward + corner);
+    scene.ray_direction_x = glm::vec3(right);
+    scene.ray_direction_y = glm::vec3(down);
+  }
+  // within the grid's period, so that shading's numbers stay small anywhere on earth
+  const glm::dvec3 eye = camera.eye_world - origin_world;
+  scene.grid_eye = glm::vec2(eye.x - 10.0 * std::floor(eye.x / 10.0),
+                             eye.y - 10.0 * std::floor(eye.y / 10.0));
+  return scene;
+}
+
+void shade_instances(const FrameGeometry& geometry, const Cast& cast, const SceneFrame& scene,
+                     const Look& look, std::vector<InstanceShade>& shades,
+                     std::vector<std::uint32_t>& casters) {
+  const std::size_t count = geometry.instances.size();
+  shades.resize(count);
+  casters.clear();
+  for (std::size_t i = 0; i < count; ++i) {
+    const VisibleInstance& instance = geometry.instances[i];
+    InstanceShade& shade = shades[i];
+    shade.feet_relative = instance.position_relative;
+    shade.height_m =
+        std::max(cast.members[instance.character].character.height_m, 0.05F) * instance.scale;
+    const element::Tints tints = element::tints_of(instance.seed);
+    shade.tint[0] = element::pack_color(tints.skin);
+    shade.tint[1] = element::pack_color(tints.hair);
+    shade.tint[2] = element::pack_color(tints.top);
+    shade.tint[3] = element::pack_color(tints.bottom);
+    shade.character = instance.character;
+    shade.channel = look.color_by_channel
+                        ? element::pack_color(channel_color(instance.channel, look))
+                        : kNoChannel;
+    shade.cast_shadow = 0.0F;
+    const float distance_m =
+        scene.orthographic ? 1.0F : std::max(glm::length(instance.position_relative), 0.1F);
+    shade.size_px = shade.height_m * scene.px_per_tangent / distance_m;
+    if (scene.shadows && shade.size_px > kCastShadowFromPx) {
+      casters.push_back(static_cast<std::uint32_t>(i));
+    }
+  }
+  std::sort(casters.begin(), casters.end(), [&](std::uint32_t a, std::uint32_t b) {
+    return shades[a].size_px != shades[b].size_px ? shades[a].size_px > shades[b].size_px : a < b;
+  });
+  std::uint64_t room = std::max<std::uint64_t>(60'000, geometry.indices.size() / 3 / 3);
+  std::size_t kept = 0;
+  for (; kept < casters.size(); ++kept) {
+    const std::uint32_t i = casters[kept];
+    const std::uint64_t triangles = geometry.triangle_offset[i + 1] - geometry.triangle_offset[i];
+    if (triangles > room) break;
+    room -= triangles;
+    shades[i].cast_shadow =
+        glm::smoothstep(kCastShadowFromPx, kCastShadowFullPx, shades[i].size_px);
+  }
+  casters.resize(kept);
+  std::sort(casters.begin(), casters.end());
+}
+
+}  // namespace throng::render

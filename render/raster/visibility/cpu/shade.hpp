@@ -1,0 +1,63 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <vector>
+
+#include "raster/scene.hpp"
+#include "throng/render/compute.hpp"
+
+namespace throng::render::visibility {
+
+/// Base colour and tint mask of one character within TextureStore::texels.
+struct TextureInfo {
+  std::int32_t base_first = 0, base_width = 1, base_height = 1, base_levels = 1;
+  std::int32_t mask_first = -1, mask_width = 1, mask_height = 1, mask_levels = 0;  // -1: no mask
+};
+
+/// All textures of a cast in one array, texels r g b a as little-endian words.
+struct TextureStore {
+  std::vector<std::uint32_t> texels;
+  std::vector<TextureInfo> infos;
+};
+
+/// What is shaded in one tile: one item for each pixel and instance seen in it.
+struct ShadeItems {
+  static constexpr std::size_t kMost = 4096 + 16;  // four samples a pixel, and room for whole vectors
+  alignas(64) std::int32_t triangle[kMost];  // first corner's place in FrameGeometry::indices
+  alignas(64) std::int32_t instance[kMost];  // visible list
+  alignas(64) float x_px[kMost], y_px[kMost];
+  alignas(64) float weight[kMost];
+  alignas(64) std::uint16_t pixel[kMost];    // of the tile
+  alignas(64) float rgb[3][kMost];           // out: tone-mapped, linear
+  std::size_t count = 0;
+};
+
+/// Shading of agents: perspective-correct corners' mean, texture, tints, sun and sky, haze. The same
+/// formulas as gl/shaders.cpp.
+void shade_items(const SceneFrame& scene, const FrameGeometry& geometry,
+                 const InstanceShade* shades, const TextureStore& textures, ShadeItems& items);
+
+/// Ground, grid and sky of a row of pixels [x, x + count): tone-mapped, linear.
+void shade_background(const SceneFrame& scene, int x_px, int y_px, int count, float* r, float* g,
+                      float* b);
+
+/// A soft shadow's place on the ground.
+struct Blob {
+  glm::vec2 feet_relative;
+  glm::vec2 away;         // unit, from the sun
+  float meter;            // one metre of a figure of 1.75 m
+  float reach;            // length of the shadow, in those metres
+  float contact, body;    // strengths
+};
+Blob make_blob(const SceneFrame& scene, const InstanceShade& shade);
+
+/// Raises `missing` (share of light that is missing) of a row of pixels by a blob.
+void shade_blob(const SceneFrame& scene, const Blob& blob, int x_px, int y_px, int count,
+                float* missing);
+
+/// Linear 0..1 to 8-bit sRGB, rounded.
+std::uint8_t srgb_from_linear(float linear);
+
+}  // namespace throng::render::visibility

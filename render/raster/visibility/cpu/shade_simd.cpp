@@ -1,0 +1,572 @@
+// Shading of whole vectors of pixels; see tile_simd.cpp for the rule that keeps bytes equal.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "render/raster/visibility/cpu/shade_simd.cpp"
+#include <hwy/foreach_target.h>
+// foreach_target.h must come before highway.h
+#include <hwy/highway.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+
+#include "render/raster/visibility/cpu/shade.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace throng::render::visibility {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using FloatTag = hn::CappedTag<float, 16>;
+using IntTag = hn::Rebind<std::int32_t, FloatTag>;
+using UintTag = hn::Rebind<std::uint32_t, FloatTag>;
+using F = hn::Vec<FloatTag>;
+using I = hn::Vec<IntTag>;
+using U = hn::Vec<UintTag>;
+
+struct V3 {
+  F x, y, z;
+};
+
+HWY_INLINE F Set(float value) { return hn::Set(FloatTag(), value); }
+HWY_INLINE F Times(F a, float b) { return hn::Mul(a, Set(b)); }
+HWY_INLINE V3 Set3(const glm::vec3& v) { return {Set(v.x), Set(v.y), Set(v.z)}; }
+HWY_INLINE V3 Sub3(const V3& a, const V3& b) {
+  return {hn::Sub(a.x, b.x), hn::Sub(a.y, b.y), hn::Sub(a.z, b.z)};
+}
+HWY_INLINE V3 Add3(const V3& a, const V3& b) {
+  return {hn::Add(a.x, b.x), hn::Add(a.y, b.y), hn::Add(a.z, b.z)};
+}
+HWY_INLINE V3 Scale3(const V3& a, F s) { return {hn::Mul(a.x, s), hn::Mul(a.y, s), hn::Mul(a.z, s)}; }
+HWY_INLINE F Dot3(const V3& a, const V3& b) {
+  return hn::Add(hn::Add(hn::Mul(a.x, b.x), hn::Mul(a.y, b.y)), hn::Mul(a.z, b.z));
+}
+HWY_INLINE V3 Cross3(const V3& a, const V3& b) {
+  return {hn::Sub(hn::Mul(a.y, b.z), hn::Mul(a.z, b.y)), hn::Sub(hn::Mul(a.z, b.x), hn::Mul(a.x, b.z)),
+          hn::Sub(hn::Mul(a.x, b.y), hn::Mul(a.y, b.x))};
+}
+HWY_INLINE F Clamp01(F v) { return hn::Min(hn::Max(v, hn::Zero(FloatTag())), Set(1.0F)); }
+HWY_INLINE F Lerp(F a, F b, F t) { return hn::Add(a, hn::Mul(hn::Sub(b, a), t)); }
+HWY_INLINE V3 Unit3(const V3& a) {
+  const F length = hn::Sqrt(hn::Max(Dot3(a, a), Set(1e-30F)));
+  return Scale3(a, hn::Div(Set(1.0F), length));
+}
+
+/// 2^x for x <= 0, to 1e-5: the whole part into the exponent, a cubic for the rest.
+HWY_INLINE F Exp2Negative(F x) {
+  const FloatTag df;
+  const IntTag di;
+  x = hn::Max(x, Set(-60.0F));
+  const F whole = hn::Floor(x);
+  const F part = hn::Sub(x, whole);
+  F p = hn::Add(Times(part, 0.0135557F), Set(0.0520323F));
+  p = hn::Add(hn::Mul(p, part), Set(0.2413793F));
+  p = hn::Add(hn::Mul(p, part), Set(0.6930321F));
+  p = hn::Add(hn::Mul(p, part), Set(1.0F));
+  const I bits = hn::ShiftLeft<23>(hn::Add(hn::ConvertTo(di, whole), hn::Set(di, 127)));
+  return hn::Mul(p, hn::BitCast(df, bits));
+}
+
+/// log2 to 0.01, enough to choose a mip level.
+HWY_INLINE F Log2Rough(F x) {
+  const FloatTag df;
+  const IntTag di;
+  const I bits = hn::BitCast(di, hn::Max(x, Set(1e-30F)));
+  const F exponent = hn::ConvertTo(df, hn::Sub(hn::ShiftRight<23>(bits), hn::Set(di, 127)));
+  const F mantissa =
+      hn::BitCast(df, hn::Or(hn::And(bits, hn::Set(di, 0x7fffff)), hn::Set(di, 0x3f800000)));
+  // quadratic through 1, sqrt(2) and 2
+  const F q = hn::Add(hn::Mul(hn::Add(Times(mantissa, -0.34484843F), Set(2.02466578F)), mantissa),
+                      Set(-1.67487759F));
+  return hn::Add(exponent, q);
+}
+
+/// The shader's tone_map, exposure 0.62.
+HWY_INLINE V3 ToneMap(V3 color) {
+  color = Scale3(color, Set(0.62F));
+  const F peak = hn::Max(color.x, hn::Max(color.y, color.z));
+  const F start = Set(0.76F);
+  const float room = 1.0F - 0.76F;
+  const auto bright = hn::Gt(peak, start);
+  if (hn::AllFalse(FloatTag(), bright)) return color;
+  const F above = hn::Add(hn::Sub(peak, start), Set(room));
+  const F new_peak = hn::Sub(Set(1.0F), hn::Div(Set(room * room), above));
+  const F ratio = hn::Div(new_peak, hn::Max(peak, Set(1e-6F)));
+  const F whiten =
+      hn::Sub(Set(1.0F), hn::Div(Set(1.0F), hn::Add(Times(hn::Sub(peak, new_peak), 0.15F), Set(1.0F))));
+  const auto mapped = [&](F c) HWY_ATTR {
+    const F scaled = hn::Mul(c, ratio);
+    return hn::IfThenElse(bright, Lerp(scaled, new_peak, whiten), c);
+  };
+  return {mapped(color.x), mapped(color.y), mapped(color.z)};
+}
+
+HWY_INLINE V3 Haze(const SceneFrame& scene, const V3& color, F distance_m) {
+  const F clear = Exp2Negative(Times(distance_m, -1.0F / 1800.0F));
+  const V3 horizon = Set3(scene.horizon_color);
+  return {Lerp(horizon.x, color.x, clear), Lerp(horizon.y, color.y, clear),
+          Lerp(horizon.z, color.z, clear)};
+}
+
+/// Octahedral snorm16 pair in one word to a vector (not unit length).
+HWY_INLINE V3 Octahedral(I packed) {
+  const FloatTag df;
+  const F x = Times(hn::ConvertTo(df, hn::ShiftRight<16>(hn::ShiftLeft<16>(packed))), 1.0F / 32767.0F);
+  const F y = Times(hn::ConvertTo(df, hn::ShiftRight<16>(packed)), 1.0F / 32767.0F);
+  const F z = hn::Sub(hn::Sub(Set(1.0F), hn::Abs(x)), hn::Abs(y));
+  const F fold = hn::Max(hn::Neg(z), hn::Zero(df));
+  const auto shift = [&](F v) HWY_ATTR {
+    return hn::IfThenElse(hn::Ge(v, hn::Zero(df)), hn::Sub(v, fold), hn::Add(v, fold));
+  };
+  return {shift(x), shift(y), z};
+}
+
+struct Rgba {
+  F r, g, b, a;
+};
+
+/// Bilinear sample of a mip level; components 0..255, not decoded.
+HWY_INLINE Rgba Bilinear(const std::uint32_t* texels, I first, I width, I height, F u, F v) {
+  const FloatTag df;
+  const IntTag di;
+  const UintTag du;
+  const F x = hn::Sub(hn::Mul(u, hn::ConvertTo(df, width)), Set(0.5F));
+  const F y = hn::Sub(hn::Mul(v, hn::ConvertTo(df, height)), Set(0.5F));
+  const F x_floor = hn::Floor(x), y_floor = hn::Floor(y);
+  // weights of 1/256, and integers from here on
+  const I tx = hn::ConvertTo(di, Times(hn::Sub(x, x_floor), 256.0F));
+  const I ty = hn::ConvertTo(di, Times(hn::Sub(y, y_floor), 256.0F));
+  const I one = hn::Set(di, 1), zero = hn::Zero(di);
+  const I x_last = hn::Sub(width, one), y_last = hn::Sub(height, one);
+  const I x_int = hn::ConvertTo(di, x_floor), y_int = hn::ConvertTo(di, y_floor);
+  const I x0 = hn::Min(hn::Max(x_int, zero), x_last);
+  const I x1 = hn::Min(hn::Max(hn::Add(x_int, one), zero), x_last);
+  const I y0 = hn::Mul(hn::Min(hn::Max(y_int, zero), y_last), width);
+  const I y1 = hn::Mul(hn::Min(hn::Max(hn::Add(y_int, one), zero), y_last), width);
+  const I row0 = hn::Add(first, y0), row1 = hn::Add(first, y1);
+  const U t00 = hn::GatherIndex(du, texels, hn::Add(row0, x0));
+  const U t10 = hn::GatherIndex(du, texels, hn::Add(row0, x1));
+  const U t01 = hn::GatherIndex(du, texels, hn::Add(row1, x0));
+  const U t11 = hn::GatherIndex(du, texels, hn::Add(row1, x1));
+  const U wx = hn::BitCast(du, tx), wy = hn::BitCast(du, ty);
+  const U full = hn::Set(du, 256);
+  const U w11 = hn::Mul(wx, wy), w10 = hn::Sub(hn::ShiftLeft<8>(wx), w11);
+  const U w01 = hn::Sub(hn::ShiftLeft<8>(wy), w11);
+  const U w00 = hn::Sub(hn::Sub(hn::Sub(hn::ShiftLeft<8>(full), w11), w10), w01);
+  const U byte = hn::Set(du, 255);
+  const auto mix = [&](U a, U b, U c, U d) HWY_ATTR {
+    const U sum = hn::Add(hn::Add(hn::Mul(hn::And(a, byte), w00), hn::Mul(hn::And(b, byte), w10)),
+                          hn::Add(hn::Mul(hn::And(c, byte), w01), hn::Mul(hn::And(d, byte), w11)));
+    return Times(hn::ConvertTo(df, hn::BitCast(di, sum)), 1.0F / (65536.0F * 255.0F));
+  };
+  return {mix(t00, t10, t01, t11),
+          mix(hn::ShiftRight<8>(t00), hn::ShiftRight<8>(t10), hn::ShiftRight<8>(t01), hn::ShiftRight<8>(t11)),
+          mix(hn::ShiftRight<16>(t00), hn::ShiftRight<16>(t10), hn::ShiftRight<16>(t01),
+              hn::ShiftRight<16>(t11)),
+          mix(hn::ShiftRight<24>(t00), hn::ShiftRight<24>(t10), hn::ShiftRight<24>(t01),
+              hn::ShiftRight<24>(t11))};
+}
+
+/// The cubic of element::linear_from_srgb.
+HWY_INLINE F Linear(F srgb) {
+  const F q = hn::Add(hn::Mul(srgb, hn::Add(Times(srgb, 0.305306011F), Set(0.682171111F))), Set(0.012522878F));
+  return hn::Mul(srgb, q);
+}
+
+HWY_INLINE V3 Unpack(U bits) {
+  const FloatTag df;
+  const IntTag di;
+  const UintTag du;
+  const U ten = hn::Set(du, 1023);
+  const auto square = [&](U c) HWY_ATTR {
+    const F root = Times(hn::ConvertTo(df, hn::BitCast(di, hn::And(c, ten))), 1.0F / 1023.0F);
+    return hn::Mul(root, root);
+  };
+  return {square(bits), square(hn::ShiftRight<10>(bits)), square(hn::ShiftRight<20>(bits))};
+}
+
+/// Offset, width and height of a mip level of an image with its levels one after the other.
+struct Level {
+  std::int32_t first, width, height;
+};
+inline Level LevelOf(std::int32_t first, std::int32_t width, std::int32_t height, std::int32_t levels,
+                     std::int32_t level) {
+  level = std::min(std::max(level, 0), levels - 1);
+  for (; level > 0; --level) {
+    first += width * height;
+    width = std::max(1, width >> 1);
+    height = std::max(1, height >> 1);
+  }
+  return {first, width, height};
+}
+
+void ShadeItemsImpl(const SceneFrame& scene, const FrameGeometry& geometry, const InstanceShade* shades,
+                    const TextureStore& textures, ShadeItems& items) {
+  const FloatTag df;
+  const IntTag di;
+  const UintTag du;
+  const std::size_t lanes = hn::Lanes(df);
+  if (items.count == 0) return;
+  // the last vector is filled with its last item
+  for (std::size_t i = items.count; i < items.count + lanes; ++i) {
+    items.triangle[i] = items.triangle[items.count - 1];
+    items.instance[i] = items.instance[items.count - 1];
+    items.x_px[i] = items.x_px[items.count - 1];
+    items.y_px[i] = items.y_px[items.count - 1];
+  }
+  const auto* indices = reinterpret_cast<const std::int32_t*>(geometry.indices.data());
+  const auto* vertex_words = reinterpret_cast<const std::int32_t*>(geometry.vertices.data());
+  const auto* vertex_floats = reinterpret_cast<const float*>(geometry.vertices.data());
+  const auto* shade_words = reinterpret_cast<const std::uint32_t*>(shades);
+  const auto* shade_floats = reinterpret_cast<const float*>(shades);
+  const I vertex_stride = hn::Set(di, sizeof(BatchVertex) / 4);
+  const I shade_stride = hn::Set(di, sizeof(InstanceShade) / 4);
+  const V3 sun = Set3(scene.sun_direction);
+  HWY_ALIGN std::int32_t first[2][16], width[2][16], height[2][16], level_int[16], character[16];
+  HWY_ALIGN float level_float[16];
+  for (std::size_t i = 0; i < items.count; i += lanes) {
+    const I triangle = hn::Load(di, items.triangle + i);
+    const I instance = hn::Mul(hn::Load(di, items.instance + i), shade_stride);
+    const F x_px = hn::Load(df, items.x_px + i), y_px = hn::Load(df, items.y_px + i);
+    const auto along = [&](const glm::vec3& o, const glm::vec3& dx, const glm::vec3& dy) HWY_ATTR {
+      return Add3(Add3(Set3(o), Scale3(Set3(dx), x_px)), Scale3(Set3(dy), y_px));
+    };
+    const V3 ray = along(scene.ray_direction, scene.ray_direction_x, scene.ray_direction_y);
+    V3 origin{hn::Zero(df), hn::Zero(df), hn::Zero(df)};
+    if (scene.orthographic) origin = along(scene.ray_origin, scene.ray_origin_x, scene.ray_origin_y);
+    const I v0 = hn::Mul(hn::GatherIndex(di, indices, triangle), vertex_stride);
+    const I v1 = hn::Mul(hn::GatherIndex(di, indices + 1, triangle), vertex_stride);
+    const I v2 = hn::Mul(hn::GatherIndex(di, indices + 2, triangle), vertex_stride);
+    const auto position = [&](I v) HWY_ATTR {
+      return V3{hn::GatherIndex(df, vertex_floats, v), hn::GatherIndex(df, vertex_floats + 1, v),
+                hn::GatherIndex(df, vertex_floats + 2, v)};
+    };
+    const V3 p0 = position(v0);
+    const V3 e1 = Sub3(position(v1), p0), e2 = Sub3(position(v2), p0);
+    // where the ray meets the triangle's plane (Moeller & Trumbore 1997)
+    const V3 p = Cross3(ray, e2);
+    const F determinant = Dot3(e1, p);
+    const F tiny = Set(1e-20F);
+    const F safe = hn::IfThenElse(hn::Lt(hn::Abs(determinant), tiny), tiny, determinant);
+    const F inverse = hn::Div(Set(1.0F), safe);
+    const V3 t = Sub3(origin, p0);
+    const V3 q = Cross3(t, e1);
+    F b1 = Clamp01(hn::Mul(Dot3(t, p), inverse));
+    F b2 = Clamp01(hn::Mul(Dot3(ray, q), inverse));
+    const F over = hn::Max(hn::Add(b1, b2), Set(1.0F));
+    b1 = hn::Div(b1, over);
+    b2 = hn::Div(b2, over);
+    const F b0 = hn::Sub(hn::Sub(Set(1.0F), b1), b2);
+    const V3 place = Add3(p0, Add3(Scale3(e1, b1), Scale3(e2, b2)));
+
+    // texture coordinates
+    const I uv0 = hn::GatherIndex(di, vertex_words + 4, v0);
+    const I uv1 = hn::GatherIndex(di, vertex_words + 4, v1);
+    const I uv2 = hn::GatherIndex(di, vertex_words + 4, v2);
+    const I low_half = hn::Set(di, 0xffff);
+    const auto u_of = [&](I uv) HWY_ATTR { return Times(hn::ConvertTo(df, hn::And(uv, low_half)), 1.0F / 65535.0F); };
+    const auto v_of = [&](I uv) HWY_ATTR {
+      return Times(hn::ConvertTo(df, hn::And(hn::ShiftRight<16>(uv), low_half)), 1.0F / 65535.0F);
+    };
+    const F u0 = u_of(uv0), u1 = hn::Sub(u_of(uv1), u0), u2 = hn::Sub(u_of(uv2), u0);
+    const F w0 = v_of(uv0), w1 = hn::Sub(v_of(uv1), w0), w2 = hn::Sub(v_of(uv2), w0);
+    const F u = hn::Add(u0, hn::Add(hn::Mul(u1, b1), hn::Mul(u2, b2)));
+    const F v = hn::Add(w0, hn::Add(hn::Mul(w1, b1), hn::Mul(w2, b2)));
+    // mip level from areas: texture covered over pixels covered. The triangle's shadow on the picture
+    // is |ray . (e1 x e2)| / distance^2, `distance` being along the ray (its forward part is 1).
+    const F distance = hn::Mul(Dot3(e2, q), inverse);
+    F area_px = hn::Mul(hn::Abs(determinant), Set(scene.px_per_tangent * scene.px_per_tangent));
+    if (!scene.orthographic) area_px = hn::Div(area_px, hn::Max(hn::Mul(distance, distance), tiny));
+    const F area_uv = hn::Abs(hn::Sub(hn::Mul(u1, w2), hn::Mul(u2, w1)));
+    const F level = Times(Log2Rough(hn::Div(area_uv, hn::Max(area_px, tiny))), 0.5F);
+    hn::Store(level, df, level_float);
+    const I layer = hn::BitCast(di, hn::GatherIndex(du, shade_words + 8, instance));
+    hn::Store(layer, di, character);
+    bool any_mask = false;
+    for (std::size_t lane = 0; lane < lanes; ++lane) {
+      const TextureInfo& info = textures.infos[static_cast<std::size_t>(character[lane])];
+      // level 0 has base_width texels to uv 1: the level rises by log2 of that
+      const auto pick = [&](std::int32_t texels_wide) {
+        int log2_width = 0;
+        while ((texels_wide >> (log2_width + 1)) != 0) ++log2_width;
+        return static_cast<std::int32_t>(std::floor(level_float[lane] + static_cast<float>(log2_width) + 0.5F));
+      };
+      const Level base = LevelOf(info.base_first, info.base_width, info.base_height, info.base_levels,
+                                 pick(info.base_width));
+      first[0][lane] = base.first;
+      width[0][lane] = base.width;
+      height[0][lane] = base.height;
+      if (info.mask_first >= 0) {
+        any_mask = true;
+        const Level mask = LevelOf(info.mask_first, info.mask_width, info.mask_height, info.mask_levels,
+                                   pick(info.mask_width));
+        first[1][lane] = mask.first;
+        width[1][lane] = mask.width;
+        height[1][lane] = mask.height;
+      } else {
+        first[1][lane] = -1;
+        width[1][lane] = height[1][lane] = 1;
+      }
+      level_int[lane] = first[1][lane] < 0 ? 0 : 1;
+      first[1][lane] = std::max(first[1][lane], 0);
+    }
+    const Rgba base = Bilinear(textures.texels.data(), hn::Load(di, first[0]), hn::Load(di, width[0]),
+                               hn::Load(di, height[0]), u, v);
+    V3 albedo{Linear(base.r), Linear(base.g), Linear(base.b)};
+    const U channel = hn::GatherIndex(du, shade_words + 9, instance);
+    const auto has_channel = hn::Ne(channel, hn::Set(du, kNoChannel));
+    if (any_mask && !hn::AllTrue(du, has_channel)) {
+      const F masked = hn::ConvertTo(df, hn::Load(di, level_int));
+      Rgba mask = Bilinear(textures.texels.data(), hn::Load(di, first[1]), hn::Load(di, width[1]),
+                           hn::Load(di, height[1]), u, v);
+      mask.r = hn::Mul(mask.r, masked);
+      mask.g = hn::Mul(mask.g, masked);
+      mask.b = hn::Mul(mask.b, masked);
+      mask.a = hn::Mul(mask.a, masked);
+      const F rest = hn::Max(hn::Zero(df), hn::Sub(Set(1.0F), hn::Add(hn::Add(mask.r, mask.g), hn::Add(mask.b, mask.a))));
+      V3 tint{rest, rest, rest};
+      const F* weights[4] = {&mask.r, &mask.g, &mask.b, &mask.a};
+      for (int region = 0; region < 4; ++region) {
+        const V3 color = Unpack(hn::GatherIndex(du, shade_words + 4 + region, instance));
+        tint = Add3(tint, Scale3(color, *weights[region]));
+      }
+      albedo = {hn::Mul(albedo.x, tint.x), hn::Mul(albedo.y, tint.y), hn::Mul(albedo.z, tint.z)};
+    }
+    if (!hn::AllFalse(du, has_channel)) {
+      const F luma = hn::Add(hn::Add(Times(Linear(base.r), 0.2126F), Times(Linear(base.g), 0.7152F)),
+                             Times(Linear(base.b), 0.0722F));
+      const V3 color = Scale3(Unpack(channel), hn::Add(Times(hn::Sqrt(luma), 0.45F), Set(0.55F)));
+      const auto chosen = hn::RebindMask(df, has_channel);
+      albedo = {hn::IfThenElse(chosen, color.x, albedo.x), hn::IfThenElse(chosen, color.y, albedo.y),
+                hn::IfThenElse(chosen, color.z, albedo.z)};
+    }
+
+    // light
+    V3 n = Octahedral(hn::GatherIndex(di, vertex_words + 3, v0));
+    n = Add3(Scale3(n, b0), Add3(Scale3(Octahedral(hn::GatherIndex(di, vertex_words + 3, v1)), b1),
+                                 Scale3(Octahedral(hn::GatherIndex(di, vertex_words + 3, v2)), b2)));
+    n = Unit3(n);
+    // a triangle seen from behind (double sided): its front is what was drawn counter-clockwise
+    const auto behind = hn::Lt(determinant, hn::Zero(df));
+    const F side = hn::IfThenElse(behind, Set(-1.0F), Set(1.0F));
+    n = Scale3(n, side);
+    const F feet_z = hn::GatherIndex(df, shade_floats + 2, instance);
+    const F rise = Clamp01(Times(hn::Add(hn::Sub(place.z, feet_z), Set(0.05F)), 1.0F / 0.8F));
+    const F smooth = hn::Mul(hn::Mul(rise, rise), hn::Sub(Set(3.0F), hn::Add(rise, rise)));
+    const F ao = hn::Add(Set(0.55F), Times(smooth, 0.45F));
+    F facing = Clamp01(Times(hn::Add(Dot3(n, sun), Set(0.22F)), 1.0F / 1.22F));
+    facing = hn::Mul(facing, hn::Add(Times(facing, 0.4F), Set(0.6F)));
+    const F up_share = hn::Add(Times(n.z, 0.5F), Set(0.5F));
+    const F direct = hn::Mul(facing, hn::Add(Times(ao, 0.25F), Set(0.75F)));
+    const V3 to_eye = scene.orthographic ? Scale3(ray, Set(-1.0F)) : Unit3(Scale3(ray, Set(-1.0F)));
+    const F edge = hn::Sub(Set(1.0F), Clamp01(Dot3(n, to_eye)));
+    const F rim = hn::Mul(hn::Mul(hn::Mul(edge, edge), edge),
+                          Times(hn::Add(Times(hn::Mul(n.z, n.z), 0.65F), Set(0.35F)), 0.16F));
+    F gloss = Clamp01(Dot3(n, Unit3(Add3(sun, to_eye))));
+    for (int power = 0; power < 4; ++power) gloss = hn::Mul(gloss, gloss);
+    gloss = Times(hn::Mul(gloss, facing), 0.035F);
+    const F rim_ao = hn::Mul(rim, ao);
+    const auto lit = [&](F a, float sun_c, float sky_c, float low_c) HWY_ATTR {
+      const F sky_light = hn::Mul(hn::Add(Set(low_c), Times(up_share, sky_c - low_c)), ao);
+      const F light = hn::Add(Times(direct, sun_c), sky_light);
+      return hn::Add(hn::Add(hn::Mul(a, light), Times(rim_ao, sky_c)), Times(gloss, sun_c));
+    };
+    V3 color{lit(albedo.x, scene.sun_color.x, scene.sky_color.x, scene.ground_light.x),
+             lit(albedo.y, scene.sun_color.y, scene.sky_color.y, scene.ground_light.y),
+             lit(albedo.z, scene.sun_color.z, scene.sky_color.z, scene.ground_light.z)};
+    if (!scene.orthographic) color = Haze(scene, color, hn::Sqrt(Dot3(place, place)));
+    color = ToneMap(color);
+    hn::Store(color.x, df, items.rgb[0] + i);
+    hn::Store(color.y, df, items.rgb[1] + i);
+    hn::Store(color.z, df, items.rgb[2] + i);
+  }
+}
+
+/// Share of [p - w/2, p + w/2] on lines of this half width, one each period (see gl/shaders.cpp).
+HWY_INLINE F LineCover(F p, F w, float period, float half_width) {
+  const F share = Set(2.0F * half_width / period);
+  const F shift = Set(half_width / period);
+  const F low = hn::Add(Times(hn::Sub(p, Times(w, 0.5F)), 1.0F / period), shift);
+  const F high = hn::Add(Times(hn::Add(p, Times(w, 0.5F)), 1.0F / period), shift);
+  const F low_floor = hn::Floor(low), high_floor = hn::Floor(high);
+  const F sum_low = hn::Add(hn::Mul(low_floor, share), hn::Min(hn::Sub(low, low_floor), share));
+  const F sum_high = hn::Add(hn::Mul(high_floor, share), hn::Min(hn::Sub(high, high_floor), share));
+  return hn::Div(Times(hn::Sub(sum_high, sum_low), period), w);
+}
+
+HWY_INLINE F Iota(int x_px) {
+  const FloatTag df;
+  return hn::Add(hn::Iota(df, 0.0F), Set(static_cast<float>(x_px) + 0.5F));
+}
+
+void ShadeBackground(const SceneFrame& scene, int x_px, int y_px, int count, float* r, float* g, float* b) {
+  const FloatTag df;
+  const int lanes = static_cast<int>(hn::Lanes(df));
+  const float y = static_cast<float>(y_px) + 0.5F;
+  for (int i = 0; i < count; i += lanes) {
+    const F x = Iota(x_px + i);
+    const auto along = [&](const glm::vec3& o, const glm::vec3& dx, const glm::vec3& dy) HWY_ATTR {
+      const glm::vec3 row = o + dy * y;
+      return V3{hn::Add(Set(row.x), Times(x, dx.x)), hn::Add(Set(row.y), Times(x, dx.y)),
+                hn::Add(Set(row.z), Times(x, dx.z))};
+    };
+    const V3 origin = along(scene.ray_origin, scene.ray_origin_x, scene.ray_origin_y);
+    const V3 ray = along(scene.ray_direction, scene.ray_direction_x, scene.ray_direction_y);
+    const F length = hn::Sqrt(Dot3(ray, ray));
+    const F up = hn::Div(ray.z, length);
+    const F to_plane = hn::Sub(Set(scene.ground_relative_m), origin.z);
+    auto hit = scene.orthographic ? hn::Gt(hn::Abs(ray.z), Set(1e-5F))
+                                  : hn::Gt(hn::Mul(to_plane, ray.z), hn::Zero(df));
+    if (!scene.ground) hit = hn::MaskFalse(df);
+    V3 color{hn::Zero(df), hn::Zero(df), hn::Zero(df)};
+    if (!hn::AllTrue(df, hit)) {
+      const bool below_ground = scene.ground && scene.ground_relative_m >= 0.0F;
+      const F height = below_ground ? hn::Min(up, Set(-0.02F)) : up;
+      const auto positive = hn::Ge(height, hn::Zero(df));
+      const F above_t = hn::Sub(Set(1.0F), Exp2Negative(Times(Clamp01(height), -4.5F)));
+      const F below_t = hn::Sub(Set(1.0F), Exp2Negative(Times(hn::Min(height, hn::Zero(df)), 6.0F)));
+      const auto sky = [&](float horizon, float zenith, float low) HWY_ATTR {
+        const F a = Lerp(Set(horizon), Set(zenith), above_t);
+        const F d = Lerp(Set(horizon), Set(low), below_t);
+        return Times(hn::IfThenElse(positive, a, d), 1.12F);
+      };
+      color = {sky(scene.horizon_color.x, scene.sky_color.x, scene.ground_light.x),
+               sky(scene.horizon_color.y, scene.sky_color.y, scene.ground_light.y),
+               sky(scene.horizon_color.z, scene.sky_color.z, scene.ground_light.z)};
+    }
+    if (!hn::AllFalse(df, hit)) {
+      const F safe_z = hn::IfThenElse(hit, ray.z, Set(1.0F));
+      const F inverse_z = hn::Div(Set(1.0F), safe_z);
+      const F t = hn::Mul(to_plane, inverse_z);
+      const F tx = hn::Neg(hn::Mul(hn::Add(Set(scene.ray_origin_x.z), Times(t, scene.ray_direction_x.z)), inverse_z));
+      const F ty = hn::Neg(hn::Mul(hn::Add(Set(scene.ray_origin_y.z), Times(t, scene.ray_direction_y.z)), inverse_z));
+      const auto width = [&](float ox, float dx, float oy, float dy, F ray_c) HWY_ATTR {
+        const F step_x = hn::Add(hn::Add(Set(ox), Times(t, dx)), hn::Mul(ray_c, tx));
+        const F step_y = hn::Add(hn::Add(Set(oy), Times(t, dy)), hn::Mul(ray_c, ty));
+        return hn::Max(hn::Add(hn::Abs(step_x), hn::Abs(step_y)), Set(1e-5F));
+      };
+      const F wx = width(scene.ray_origin_x.x, scene.ray_direction_x.x, scene.ray_origin_y.x, scene.ray_direction_y.x, ray.x);
+      const F wy = width(scene.ray_origin_x.y, scene.ray_direction_x.y, scene.ray_origin_y.y, scene.ray_direction_y.y, ray.y);
+      const F px = hn::Add(hn::Add(origin.x, hn::Mul(ray.x, t)), Set(scene.grid_eye.x));
+      const F py = hn::Add(hn::Add(origin.y, hn::Mul(ray.y, t)), Set(scene.grid_eye.y));
+      const F fine_x = LineCover(px, wx, 1.0F, 0.010F), fine_y = LineCover(py, wy, 1.0F, 0.010F);
+      const F strong_x = LineCover(px, wx, 10.0F, 0.028F), strong_y = LineCover(py, wy, 10.0F, 0.028F);
+      const F metre = hn::Sub(hn::Add(fine_x, fine_y), hn::Mul(fine_x, fine_y));
+      const F ten = hn::Sub(hn::Add(strong_x, strong_y), hn::Mul(strong_x, strong_y));
+      const F paint = hn::Mul(hn::Sub(Set(1.0F), Times(metre, 0.38F)), hn::Sub(Set(1.0F), Times(ten, 0.66F)));
+      glm::vec3 light = scene.sun_color * std::max(scene.sun_direction.z, 0.0F) + scene.sky_color;
+      if (scene.ground_relative_m >= 0.0F) light = scene.ground_light;
+      light *= scene.ground_color;
+      V3 lit{Times(paint, light.x), Times(paint, light.y), Times(paint, light.z)};
+      if (!scene.orthographic) {
+        lit = Haze(scene, lit, hn::Mul(hn::Abs(t), length));
+        const F grazing = Exp2Negative(Times(hn::Abs(up), -55.0F));
+        lit = {Lerp(lit.x, Set(scene.horizon_color.x * 1.12F), grazing),
+               Lerp(lit.y, Set(scene.horizon_color.y * 1.12F), grazing),
+               Lerp(lit.z, Set(scene.horizon_color.z * 1.12F), grazing)};
+      }
+      color = {hn::IfThenElse(hit, lit.x, color.x), hn::IfThenElse(hit, lit.y, color.y),
+               hn::IfThenElse(hit, lit.z, color.z)};
+    }
+    color = ToneMap(color);
+    hn::StoreU(color.x, df, r + i);
+    hn::StoreU(color.y, df, g + i);
+    hn::StoreU(color.z, df, b + i);
+  }
+}
+
+void ShadeBlob(const SceneFrame& scene, const Blob& blob, int x_px, int y_px, int count, float* missing) {
+  const FloatTag df;
+  const int lanes = static_cast<int>(hn::Lanes(df));
+  const float y = static_cast<float>(y_px) + 0.5F;
+  const float per_meter = 1.0F / blob.meter;
+  for (int i = 0; i < count; i += lanes) {
+    const F x = Iota(x_px + i);
+    const auto along = [&](const glm::vec3& o, const glm::vec3& dx, const glm::vec3& dy) HWY_ATTR {
+      const glm::vec3 row = o + dy * y;
+      return V3{hn::Add(Set(row.x), Times(x, dx.x)), hn::Add(Set(row.y), Times(x, dx.y)),
+                hn::Add(Set(row.z), Times(x, dx.z))};
+    };
+    const V3 origin = along(scene.ray_origin, scene.ray_origin_x, scene.ray_origin_y);
+    const V3 ray = along(scene.ray_direction, scene.ray_direction_x, scene.ray_direction_y);
+    const F to_plane = hn::Sub(Set(scene.ground_relative_m), origin.z);
+    const auto down = hn::Lt(ray.z, Set(-1e-6F));
+    const F t = hn::Div(to_plane, hn::IfThenElse(down, ray.z, Set(-1.0F)));
+    const F gx = Times(hn::Sub(hn::Add(origin.x, hn::Mul(ray.x, t)), Set(blob.feet_relative.x)), per_meter);
+    const F gy = Times(hn::Sub(hn::Add(origin.y, hn::Mul(ray.y, t)), Set(blob.feet_relative.y)), per_meter);
+    const F far_along = hn::Add(Times(gx, blob.away.x), Times(gy, blob.away.y));
+    const F across = hn::Sub(Times(gy, blob.away.x), Times(gx, blob.away.y));
+    const F squared = hn::Add(hn::Mul(far_along, far_along), hn::Mul(across, across));
+    F contact = Clamp01(hn::Sub(Set(1.0F), Times(squared, 1.0F / (0.48F * 0.48F))));
+    contact = Times(hn::Mul(contact, contact), 0.62F * blob.contact);
+    const F share = Clamp01(Times(far_along, 1.0F / std::max(blob.reach, 0.01F)));
+    const F off = hn::Sub(far_along, hn::Min(hn::Max(far_along, hn::Zero(df)), Set(blob.reach)));
+    const F off_squared = hn::Add(hn::Mul(off, off), hn::Mul(across, across));
+    const F width = hn::Add(Set(0.20F), Times(share, 0.14F));
+    F body = Clamp01(hn::Sub(Set(1.0F), hn::Div(off_squared, hn::Mul(width, width))));
+    body = hn::Mul(hn::Mul(body, hn::Sub(Set(2.0F), body)), Times(hn::Sub(Set(0.50F), Times(share, 0.20F)), blob.body));
+    const F raised = hn::IfThenElseZero(down, hn::Max(contact, body));
+    hn::StoreU(hn::Max(hn::LoadU(df, missing + i), raised), df, missing + i);
+  }
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace throng::render::visibility
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace throng::render::visibility {
+
+HWY_EXPORT(ShadeItemsImpl);
+HWY_EXPORT(ShadeBackground);
+HWY_EXPORT(ShadeBlob);
+
+void shade_items(const SceneFrame& scene, const FrameGeometry& geometry, const InstanceShade* shades,
+                 const TextureStore& textures, ShadeItems& items) {
+  HWY_DYNAMIC_DISPATCH(ShadeItemsImpl)(scene, geometry, shades, textures, items);
+}
+
+void shade_background(const SceneFrame& scene, int x_px, int y_px, int count, float* r, float* g,
+                      float* b) {
+  HWY_DYNAMIC_DISPATCH(ShadeBackground)(scene, x_px, y_px, count, r, g, b);
+}
+
+void shade_blob(const SceneFrame& scene, const Blob& blob, int x_px, int y_px, int count,
+                float* missing) {
+  HWY_DYNAMIC_DISPATCH(ShadeBlob)(scene, blob, x_px, y_px, count, missing);
+}
+
+Blob make_blob(const SceneFrame& scene, const InstanceShade& shade) {
+  Blob blob;
+  blob.feet_relative = glm::vec2(shade.feet_relative);
+  const glm::vec2 away = -glm::vec2(scene.sun_direction);
+  const float flat_length = glm::length(away);
+  blob.away = flat_length > 1e-4F ? away / flat_length : glm::vec2(1.0F, 0.0F);
+  blob.meter = shade.height_m / 1.75F;
+  blob.reach = 1.75F * std::min(flat_length / std::max(scene.sun_direction.z, 0.05F), 3.0F);
+  const float distance_m = scene.orthographic ? 1e-3F : std::max(glm::length(shade.feet_relative), 1e-3F);
+  const float slope = std::min(std::abs(scene.ground_relative_m) / distance_m, 1.0F);
+  const float seen = (1.0F - std::exp2(-55.0F * slope)) * std::exp2(-distance_m / 1800.0F);
+  blob.contact = seen;
+  blob.body = seen * (1.0F - shade.cast_shadow);
+  return blob;
+}
+
+std::uint8_t srgb_from_linear(float linear) {
+  // a table over the square root, where sRGB is nearly straight: within half a step everywhere
+  static const std::array<std::uint8_t, 4097> table = [] {
+    std::array<std::uint8_t, 4097> values{};
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      const double root = static_cast<double>(i) / 4096.0;
+      const double c = root * root;
+      const double srgb = c <= 0.0031308 ? 12.92 * c : 1.055 * std::pow(c, 1.0 / 2.4) - 0.055;
+      values[i] = static_cast<std::uint8_t>(std::lround(255.0 * srgb));
+    }
+    return values;
+  }();
+  const float clamped = std::min(std::max(linear, 0.0F), 1.0F);
+  return table[static_cast<std::size_t>(std::sqrt(clamped) * 4096.0F + 0.5F)];
+}
+
+}  // namespace throng::render::visibility
+#endif  // HWY_ONCE
