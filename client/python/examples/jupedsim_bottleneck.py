@@ -96,7 +96,8 @@ def main() -> int:
     arguments = parser.parse_args()
     if arguments.agents < 1 or not arguments.seconds > 0:
         parser.error("--agents and --seconds must be over 0")
-    signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))  # both end the run cleanly
+    for number in (signal.SIGINT, signal.SIGTERM):  # even where a shell has them ignored
+        signal.signal(number, signal.default_int_handler)
 
     behind_s = 0.0
     with throng.connect(arguments.url, arguments.crowd, producer=f"jupedsim {jps.__version__}") as pub:
