@@ -1,0 +1,209 @@
+// throng-server: flags and wiring only.
+#include <csignal>
+#include <pthread.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <thread>
+
+#include "server/doctor.hpp"
+#include "server/rpc/server.hpp"
+#include "throng/render/asset.hpp"
+#include "throng/render/raster.hpp"
+
+namespace {
+
+using throng::server::ServerOptions;
+
+enum ExitCode { kOk = 0, kFailure = 1, kUsage = 2, kBadInput = 3, kNoDevice = 4 };
+
+/// The cast that the build or the installation put beside the program.
+std::string default_cast() {
+  std::error_code error;
+  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
+  const std::filesystem::path root = program.parent_path().parent_path();
+  for (const char* place : {"cast", "share/throng/cast"}) {
+    if (std::filesystem::exists(root / place / "cast.json", error)) return (root / place).string();
+  }
+  return {};
+}
+
+int fail(ExitCode code, const std::string& message) {
+  std::fprintf(stderr, "throng-server: %s\n", message.c_str());
+  return code;
+}
+
+ExitCode exit_code(const absl::Status& status) {
+  switch (status.code()) {
+    case absl::StatusCode::kInvalidArgument:
+    case absl::StatusCode::kFailedPrecondition: return kUsage;
+    case absl::StatusCode::kNotFound: return kBadInput;
+    default: return kFailure;
+  }
+}
+
+/// `auto` means gl, the rasterizer that every machine with EGL has; visibility where gl can't be had.
+absl::StatusOr<throng::render::RasterKind> choose_raster(const std::string& name) {
+  using throng::render::RasterKind;
+  if (name == "gl") return RasterKind::kGl;
+  if (name == "visibility") return RasterKind::kVisibility;
+  const auto gl = throng::render::make_rasterizer(RasterKind::kGl);
+  if (gl.ok()) return RasterKind::kGl;
+  const auto visibility = throng::render::make_rasterizer(RasterKind::kVisibility);
+  if (!visibility.ok()) return gl.status();
+  spdlog::warn("event=raster_chosen raster=visibility why=\"{}\"", gl.status().ToString());
+  return RasterKind::kVisibility;
+}
+
+void add_limits(CLI::App& app, ServerOptions& options) {
+  throng::server::Limits& limits = options.limits;
+  const char* const kGroup = "Limits";
+  const auto add = [&](const char* flag, auto& value, const char* text) {
+    app.add_option(flag, value, text)->capture_default_str()->group(kGroup);
+  };
+  add("--max-message-bytes", limits.max_message_bytes, "Largest message taken");
+  add("--max-crowds", limits.max_crowds, "Named crowds");
+  add("--max-viewers", limits.max_viewers, "View streams");
+  add("--max-agents", limits.max_agents_per_crowd, "Agents of a crowd");
+  add("--max-channels", limits.max_channels, "Channels of a crowd");
+  add("--max-history-bytes", limits.max_history_bytes_per_crowd, "History of a crowd");
+  add("--max-width", limits.max_width_px, "Width of a view, pixels");
+  add("--max-height", limits.max_height_px, "Height of a view, pixels");
+  add("--max-frames-in-flight", limits.max_frames_in_flight, "Frames sent beyond the last acknowledged");
+  add("--max-vertex-budget", limits.max_vertex_budget, "Largest vertex budget a view may ask for");
+  add("--max-rate", limits.max_rate_hz, "Frames per second of a view");
+  add("--max-environment-bytes", limits.max_environment_bytes, "Text of a walkable area");
+  add("--max-pending-pictures", limits.max_pending_pictures, "Still pictures that may wait");
+}
+
+void add_network(CLI::App& app, ServerOptions& options) {
+  const char* const kGroup = "Network";
+  throng::server::ListenOptions& listen = options.listen;
+  app.add_option("--listen", listen.listen, "HOST:PORT; port 0 takes any free one")
+      ->capture_default_str()
+      ->group(kGroup);
+  app.add_option("--tls-cert", listen.tls_cert_file, "Certificate chain, PEM")->group(kGroup);
+  app.add_option("--tls-key", listen.tls_key_file, "Its private key, PEM")->group(kGroup);
+  app.add_option("--token-file", listen.token_file, "Tokens that clients must show, one a line")
+      ->group(kGroup);
+  app.add_flag("--insecure", listen.insecure,
+               "Allow an address that other machines reach without TLS and token")
+      ->group(kGroup);
+  const auto add_ms = [&](const char* flag, std::chrono::milliseconds& value, const char* text) {
+    app.add_option_function<std::int64_t>(
+           flag, [&value](std::int64_t ms) { value = std::chrono::milliseconds(ms); }, text)
+        ->default_str(std::to_string(value.count()))
+        ->check(CLI::Range(std::int64_t{1}, std::int64_t{86'400'000}))
+        ->group(kGroup);
+  };
+  add_ms("--keepalive-ms", options.keepalive_time, "A ping after this long without traffic");
+  add_ms("--keepalive-timeout-ms", options.keepalive_timeout, "A client that is silent so long is gone");
+  add_ms("--min-ping-interval-ms", options.min_ping_interval, "Clients that ping faster are sent away");
+  add_ms("--drain-ms", options.drain_time, "Time that calls have to end when the server stops");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  ServerOptions options;
+  options.version = THRONG_VERSION;
+  throng::render::FramePipelineOptions pipeline;
+  std::string cast_folder, raster = "auto", log_level = "info";
+  bool doctor = false, json = false;
+
+  CLI::App app{"Shows crowds: takes agents from simulators and sends pictures to viewers.",
+               "throng-server"};
+  app.set_version_flag("--version", THRONG_VERSION);
+  app.add_option("--cast", cast_folder, "Folder of baked characters (default: the built-in cast)");
+  app.add_option("--vertex-budget", options.default_vertex_budget,
+                 "Vertices per frame of a view that does not say")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  app.add_option("--threads", pipeline.threads, "Render threads (0: one for each core)")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 1024));
+  app.add_option("--raster", raster, "Rasterizer")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"auto", "gl", "visibility"}));
+  app.add_option("--log-level", log_level, "What is logged")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"trace", "debug", "info", "warning", "error", "critical", "off"}));
+  app.add_flag("--doctor", doctor, "Print what this machine can draw with, and why not; then exit");
+  app.add_flag("--json", json, "With --doctor: as JSON");
+  add_network(app, options);
+  add_limits(app, options);
+  app.footer(
+      "Examples:\n"
+      "  throng-server                                   this machine only, port 7447\n"
+      "  throng-server --listen 127.0.0.1:0              any free port; it is printed\n"
+      "  throng-server --listen 0.0.0.0:7447 --tls-cert cert.pem --tls-key key.pem \\\n"
+      "                --token-file tokens               for other machines\n"
+      "  throng-server --doctor --json                   what EGL, CUDA and rasterizers can do here\n"
+      "Exit codes: 0 stopped in order, 1 failure, 2 usage, 3 bad input, 4 nothing to draw with.");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? kOk : kUsage;
+  }
+
+  spdlog::set_default_logger(spdlog::stderr_color_mt("throng"));
+  spdlog::set_level(spdlog::level::from_str(log_level));
+  if (cast_folder.empty()) cast_folder = default_cast();
+  if (doctor) {
+    std::fputs(throng::server::doctor_report(cast_folder, json).c_str(), stdout);
+    return kOk;
+  }
+  if (cast_folder.empty()) {
+    return fail(kBadInput,
+                "no built-in cast beside the program; bake one with 'throng-bake --builtin -o cast' "
+                "and give --cast cast");
+  }
+  if (absl::Status status = throng::server::check_bind(options.listen); !status.ok()) {
+    return fail(kUsage, std::string(status.message()));
+  }
+  auto cast = throng::render::read_cast(cast_folder);
+  if (!cast.ok()) return fail(kBadInput, std::string(cast.status().message()));
+  const auto shared_cast = std::make_shared<const throng::render::Cast>(*std::move(cast));
+  const auto raster_kind = choose_raster(raster);
+  if (!raster_kind.ok()) return fail(kNoDevice, std::string(raster_kind.status().message()));
+  pipeline.raster = *raster_kind;
+
+  // Before any thread is made, so that all of them inherit it and only the wait below sees signals.
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGINT);
+  sigaddset(&signals, SIGTERM);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+
+  auto server = throng::server::Server::start(
+      options, shared_cast, throng::server::pipeline_renderer(shared_cast, pipeline));
+  if (!server.ok()) {
+    const bool device = server.status().code() == absl::StatusCode::kUnavailable &&
+                        server.status().message().substr(0, 8) != "--listen";
+    return fail(device ? kNoDevice : exit_code(server.status()),
+                std::string(server.status().message()));
+  }
+  // The one line that scripts wait for.
+  std::printf("throng-server ready on %s, cast of %zu, compute %s, raster %s\n",
+              (*server)->address().c_str(), shared_cast->members.size(),
+              (*server)->loop().compute_name().c_str(), (*server)->loop().raster_name().c_str());
+  std::fflush(stdout);
+
+  int signal = 0;
+  sigwait(&signals, &signal);
+  spdlog::info("event=draining signal={}", signal);
+  // A second signal means now.
+  std::thread([signals] {
+    int again = 0;
+    sigwait(&signals, &again);
+    std::_Exit(128 + again);
+  }).detach();
+  (*server)->drain();
+  spdlog::info("event=stopped");
+  return kOk;
+}

@@ -1,0 +1,57 @@
+#include "server/scene/overview.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace throng::server {
+namespace {
+
+constexpr double kGrowSeconds = 0.5;
+constexpr double kShrinkSeconds = 8.0;
+constexpr double kForgetSeconds = 10.0;  // nobody looked for this long: start afresh
+constexpr double kMarginM = 1.0;         // around the agents' positions
+constexpr double kLeastSizeM = 6.0;
+constexpr double kAgentHeightM = 2.0;
+constexpr double kRestM = 1e-3;          // closer than this the box stands still, so frames repeat
+
+WorldBox padded(const WorldBox& agents) {
+  WorldBox box;
+  for (int axis = 0; axis < 2; ++axis) {
+    const double center = 0.5 * (agents.low[axis] + agents.high[axis]);
+    const double half =
+        std::max(0.5 * (agents.high[axis] - agents.low[axis]) + kMarginM, 0.5 * kLeastSizeM);
+    box.low[axis] = center - half;
+    box.high[axis] = center + half;
+  }
+  box.low.z = agents.low.z;
+  box.high.z = agents.high.z + kAgentHeightM;
+  return box;
+}
+
+double approach(double value, double goal, bool grows, double seconds) {
+  if (std::abs(goal - value) < kRestM) return goal;
+  const double tau = grows ? kGrowSeconds : kShrinkSeconds;
+  return goal + (value - goal) * std::exp(-seconds / tau);
+}
+
+}  // namespace
+
+WorldBox OverviewBox::follow(const WorldBox& agents, Clock::time_point now) {
+  const WorldBox goal = padded(agents);
+  const double seconds = std::max(0.0, std::chrono::duration<double>(now - at_).count());
+  if (!known_ || seconds > kForgetSeconds) {
+    box_ = goal;
+    known_ = true;
+  } else {
+    for (int axis = 0; axis < 3; ++axis) {
+      box_.low[axis] =
+          approach(box_.low[axis], goal.low[axis], goal.low[axis] < box_.low[axis], seconds);
+      box_.high[axis] =
+          approach(box_.high[axis], goal.high[axis], goal.high[axis] > box_.high[axis], seconds);
+    }
+  }
+  at_ = now;
+  return box_;
+}
+
+}  // namespace throng::server

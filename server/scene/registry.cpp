@@ -1,0 +1,266 @@
+#include "server/scene/registry.hpp"
+
+#include <absl/strings/str_cat.h>
+
+#include <cmath>
+#include <set>
+#include <utility>
+
+namespace throng::server {
+namespace {
+
+constexpr std::size_t kLongestText = 200;  // run_id, producer, channel names and units
+constexpr double kFarthestOriginM = 1e9;
+constexpr double kHighestRateHz = 10'000.0;
+
+absl::Status check_text(const char* field, const std::string& text) {
+  if (text.size() <= kLongestText) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("start.", field, ": it has ", text.size(), " bytes, at most ", kLongestText));
+}
+
+absl::Status check(const StartRequest& request, const Limits& limits) {
+  if (absl::Status status = check_crowd_name(request.crowd_name); !status.ok()) return status;
+  if (absl::Status status = check_text("run_id", request.run_id); !status.ok()) return status;
+  if (absl::Status status = check_text("producer", request.producer); !status.ok()) return status;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double value = request.origin_world[axis];
+    if (!std::isfinite(value) || std::abs(value) > kFarthestOriginM) {
+      return absl::InvalidArgumentError(absl::StrCat("start.origin: ", value,
+                                                     " m, must be within +-", kFarthestOriginM));
+    }
+  }
+  if (!(request.expected_rate_hz >= 0.0 && request.expected_rate_hz <= kHighestRateHz)) {
+    return absl::InvalidArgumentError(absl::StrCat("start.expected_rate_hz: it is ",
+                                                   request.expected_rate_hz, ", must be 0 to ",
+                                                   kHighestRateHz));
+  }
+  if (request.channels.size() > limits.max_channels) {
+    return absl::ResourceExhaustedError(absl::StrCat("start.channels: ", request.channels.size(),
+                                                     ", at most ", limits.max_channels));
+  }
+  std::set<std::string> names;
+  for (const ChannelInfo& channel : request.channels) {
+    if (absl::Status status = check_text("channels.name", channel.name); !status.ok()) return status;
+    if (absl::Status status = check_text("channels.unit", channel.unit); !status.ok()) return status;
+    if (channel.name.empty() || !names.insert(channel.name).second) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("start.channels: '", channel.name, "' is empty or there twice"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status check_continues(const StartRequest& request, const StartRequest& before) {
+  bool same = request.origin_world == before.origin_world && request.seed == before.seed &&
+              request.channels.size() == before.channels.size();
+  for (std::size_t i = 0; same && i < request.channels.size(); ++i) {
+    same = request.channels[i].name == before.channels[i].name;
+  }
+  if (same) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      "start: run '", request.run_id, "' is continued with another origin, seed or channels"));
+}
+
+}  // namespace
+
+Moment NamedCrowd::moment(Clock::time_point now) {
+  const std::lock_guard lock(mutex_);
+  Moment moment;
+  moment.crowd = crowd_;
+  moment.scene_time_us = clock_.at(now);
+  moment.live = owner_ != 0;
+  WorldBox agents{start_.origin_world, start_.origin_world};
+  if (const std::shared_ptr<const render::Snapshot> newest = crowd_->newest()) {
+    moment.newest_time_us = newest->time_us;
+    if (newest->present_count > 0) {
+      agents.low += glm::dvec3(newest->low_m);
+      agents.high += glm::dvec3(newest->high_m);
+      moment.overview = overview_.follow(agents, now);
+      return moment;
+    }
+  }
+  // Nobody there: rest where people were, or on the origin.
+  OverviewBox resting = overview_;
+  moment.overview = resting.follow(agents, now);
+  return moment;
+}
+
+CrowdReport NamedCrowd::report() const {
+  CrowdReport report;
+  report.name = name_;
+  report.viewers = viewers();
+  const std::lock_guard lock(mutex_);
+  report.run_id = start_.run_id;
+  report.producer = start_.producer;
+  report.walkable_area_wkt = walkable_area_wkt_;
+  report.channels = start_.channels;
+  report.live = owner_ != 0;
+  report.incomplete_frames = incomplete_frames_;
+  const render::CrowdCounters counters = crowd_->counters();
+  report.frames = counters.frames;
+  report.late_frames = counters.late_frames + counters.duplicate_frames;
+  report.oldest_time_us = crowd_->oldest_time_us();
+  report.box = {start_.origin_world, start_.origin_world};
+  if (const std::shared_ptr<const render::Snapshot> newest = crowd_->newest()) {
+    report.newest_time_us = newest->time_us;
+    report.agents = newest->present_count;
+    report.box.low += glm::dvec3(newest->low_m);
+    report.box.high += glm::dvec3(newest->high_m);
+  }
+  return report;
+}
+
+int NamedCrowd::channel_index(const std::string& channel) const {
+  const std::lock_guard lock(mutex_);
+  for (std::size_t i = 0; i < start_.channels.size(); ++i) {
+    if (start_.channels[i].name == channel) return static_cast<int>(i);
+  }
+  return -1;
+}
+
+Publication::~Publication() {
+  const std::lock_guard lock(crowd_->mutex_);
+  if (crowd_->owner_ != id_) return;
+  crowd_->owner_ = 0;
+  crowd_->on_revoked_ = nullptr;
+}
+
+absl::StatusOr<PushOutcome> Publication::push(render::AgentFrame frame) {
+  std::shared_ptr<render::Crowd> crowd;
+  {
+    const std::lock_guard lock(crowd_->mutex_);
+    if (crowd_->owner_ != id_) return absl::AbortedError("another producer has taken over");
+    crowd = crowd_->crowd_;
+  }
+  // The derived columns are computed outside the lock: viewers go on looking meanwhile.
+  const std::int64_t time_us = frame.time_us;
+  const std::shared_ptr<const render::Snapshot> newest = crowd->newest();
+  const bool late = newest != nullptr && time_us <= newest->time_us;
+  if (absl::Status status = crowd->push(std::move(frame)); !status.ok()) return status;
+  if (late) return PushOutcome::kLate;
+  const std::lock_guard lock(crowd_->mutex_);
+  if (crowd_->owner_ == id_) crowd_->clock_.on_frame(time_us, now_());
+  return PushOutcome::kApplied;
+}
+
+void Publication::count_incomplete() {
+  const std::lock_guard lock(crowd_->mutex_);
+  if (crowd_->owner_ == id_) ++crowd_->incomplete_frames_;
+}
+
+absl::Status Publication::set_walkable_area(std::string wkt) {
+  if (wkt.size() > max_environment_bytes_) {
+    return absl::ResourceExhaustedError(absl::StrCat("environment.walkable_area_wkt: ", wkt.size(),
+                                                     " bytes, at most ", max_environment_bytes_));
+  }
+  const std::lock_guard lock(crowd_->mutex_);
+  if (crowd_->owner_ == id_) crowd_->walkable_area_wkt_ = std::move(wkt);
+  return absl::OkStatus();
+}
+
+Registry::Registry(std::shared_ptr<const render::Cast> cast, Limits limits,
+                   PlayoutSettings playout, Now now)
+    : cast_(std::move(cast)), limits_(limits), playout_(playout), now_(std::move(now)) {}
+
+absl::StatusOr<std::unique_ptr<Publication>> Registry::start(StartRequest request,
+                                                             std::function<void()> on_revoked) {
+  if (absl::Status status = check(request, limits_); !status.ok()) return status;
+  std::function<void()> revoked;
+  std::unique_ptr<Publication> publication;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = crowds_.find(request.crowd_name);
+    std::shared_ptr<NamedCrowd> named;
+    if (found != crowds_.end()) {
+      named = found->second;
+    } else if (crowds_.size() >= limits_.max_crowds) {
+      return absl::ResourceExhaustedError(absl::StrCat(
+          "start.crowd_name: there are ", crowds_.size(), " crowds, at most ", limits_.max_crowds));
+    } else {
+      named = std::make_shared<NamedCrowd>(request.crowd_name, playout_);
+    }
+
+    const std::lock_guard crowd_lock(named->mutex_);
+    const bool continues = named->crowd_ != nullptr && !request.run_id.empty() &&
+                           named->start_.run_id == request.run_id;
+    if (continues) {
+      if (absl::Status status = check_continues(request, named->start_); !status.ok()) {
+        return status;
+      }
+    }
+    if (named->owner_ != 0 && !request.take_over && !continues) {
+      return absl::AlreadyExistsError(absl::StrCat("start.crowd_name: '", request.crowd_name,
+                                                   "' is fed by '", named->start_.producer,
+                                                   "' and take_over is not set"));
+    }
+    revoked = std::move(named->on_revoked_);
+    named->on_revoked_ = std::move(on_revoked);
+    named->owner_ = ++last_publication_;
+    if (!continues) {
+      render::CrowdSettings settings;
+      settings.origin_world = request.origin_world;
+      settings.seed = request.seed;
+      settings.history_limit_bytes = limits_.max_history_bytes_per_crowd;
+      for (const ChannelInfo& channel : request.channels) {
+        settings.channel_names.push_back(channel.name);
+      }
+      // A Crowd of its own for each run: a frame that is being drawn keeps the old one alive.
+      named->crowd_ = std::make_shared<render::Crowd>(cast_, std::move(settings));
+      named->clock_.start(request.expected_rate_hz);
+      named->overview_.forget();
+      named->walkable_area_wkt_.clear();
+      named->incomplete_frames_ = 0;
+    }
+    named->start_ = std::move(request);
+    publication.reset(
+        new Publication(now_, limits_.max_environment_bytes, named, named->owner_));
+    crowds_[named->name()] = named;
+  }
+  // Outside the locks: it ends a stream, which may let go of that stream's publication.
+  if (revoked) revoked();
+  return publication;
+}
+
+absl::StatusOr<std::shared_ptr<NamedCrowd>> Registry::find(const std::string& name) const {
+  if (absl::Status status = check_crowd_name(name); !status.ok()) return status;
+  const std::lock_guard lock(mutex_);
+  const auto found = crowds_.find(name);
+  if (found == crowds_.end()) {
+    return absl::NotFoundError(absl::StrCat("crowd_name: there is no crowd '", name, "'"));
+  }
+  return found->second;
+}
+
+std::vector<CrowdReport> Registry::list() const {
+  std::vector<std::shared_ptr<NamedCrowd>> crowds;
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [name, crowd] : crowds_) crowds.push_back(crowd);
+  }
+  std::vector<CrowdReport> reports;
+  reports.reserve(crowds.size());
+  for (const std::shared_ptr<NamedCrowd>& crowd : crowds) reports.push_back(crowd->report());
+  return reports;
+}
+
+absl::Status Registry::remove(const std::string& name) {
+  if (absl::Status status = check_crowd_name(name); !status.ok()) return status;
+  const std::lock_guard lock(mutex_);
+  const auto found = crowds_.find(name);
+  if (found == crowds_.end()) {
+    return absl::NotFoundError(absl::StrCat("crowd_name: there is no crowd '", name, "'"));
+  }
+  {
+    const std::lock_guard crowd_lock(found->second->mutex_);
+    if (found->second->owner_ != 0) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("crowd_name: '", name, "' is fed by a producer"));
+    }
+  }
+  found->second->deleted_.store(true, std::memory_order_release);
+  crowds_.erase(found);
+  return absl::OkStatus();
+}
+
+}  // namespace throng::server

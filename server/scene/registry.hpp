@@ -1,0 +1,169 @@
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <glm/glm.hpp>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "server/scene/limits.hpp"
+#include "server/scene/overview.hpp"
+#include "server/scene/playout_clock.hpp"
+#include "throng/render/crowd.hpp"
+
+namespace throng::server {
+
+struct ChannelInfo {
+  std::string name;
+  std::string unit;
+};
+
+/// What a producer says when it opens a crowd.
+struct StartRequest {
+  std::string crowd_name;
+  std::string run_id;  // empty: a run of its own, that no reconnect can continue
+  glm::dvec3 origin_world{0.0};
+  std::vector<ChannelInfo> channels;
+  std::uint64_t seed = 0;
+  bool take_over = false;
+  std::string producer;
+  double expected_rate_hz = 0.0;
+};
+
+/// What there is to tell about a crowd.
+struct CrowdReport {
+  std::string name;
+  std::string run_id;
+  std::string producer;
+  std::string walkable_area_wkt;
+  std::vector<ChannelInfo> channels;
+  bool live = false;
+  std::uint32_t agents = 0;
+  std::uint32_t viewers = 0;
+  std::int64_t oldest_time_us = 0;
+  std::int64_t newest_time_us = 0;
+  std::uint64_t frames = 0;
+  std::uint64_t late_frames = 0;
+  std::uint64_t incomplete_frames = 0;
+  std::uint64_t history_bytes = 0;
+  WorldBox box;
+};
+
+/// The crowd as viewers see it now.
+struct Moment {
+  std::shared_ptr<const render::Crowd> crowd;  // of the current run, never null
+  std::int64_t scene_time_us = 0;
+  std::int64_t newest_time_us = 0;
+  bool live = false;   // a producer is connected
+  WorldBox overview;   // what an overview camera shows
+};
+
+class Registry;
+
+/// A crowd with a name. It outlives its producers; each run has its own render::Crowd. Thread safe.
+class NamedCrowd {
+ public:
+  NamedCrowd(std::string name, PlayoutSettings playout) : name_(std::move(name)), clock_(playout) {}
+
+  const std::string& name() const { return name_; }
+  Moment moment(Clock::time_point now);
+  CrowdReport report() const;
+  /// Index of the channel in the current run, -1 if it has none of that name.
+  int channel_index(const std::string& channel) const;
+  /// True once the crowd was deleted from its registry: its viewers must go.
+  bool deleted() const { return deleted_.load(std::memory_order_acquire); }
+  void add_viewer() { viewers_.fetch_add(1, std::memory_order_relaxed); }
+  void remove_viewer() { viewers_.fetch_sub(1, std::memory_order_relaxed); }
+  std::uint32_t viewers() const { return viewers_.load(std::memory_order_relaxed); }
+
+ private:
+  friend class Registry;
+  friend class Publication;
+
+  const std::string name_;
+  std::atomic<bool> deleted_{false};
+  std::atomic<std::uint32_t> viewers_{0};
+  mutable std::mutex mutex_;
+  // All below are guarded by mutex_.
+  StartRequest start_;
+  std::shared_ptr<render::Crowd> crowd_;
+  PlayoutClock clock_;
+  OverviewBox overview_;
+  std::string walkable_area_wkt_;
+  std::uint64_t incomplete_frames_ = 0;
+  std::uint64_t owner_ = 0;  // publication that feeds the crowd, 0: none
+  std::function<void()> on_revoked_;
+};
+
+enum class PushOutcome { kApplied, kLate };
+
+/// One producer's hold on a crowd; letting go of it leaves the crowd as it is. Used by one thread
+/// at a time.
+class Publication {
+ public:
+  ~Publication();
+  Publication(const Publication&) = delete;
+  Publication& operator=(const Publication&) = delete;
+
+  /// Adds a frame to the crowd's history. Errors as render::Crowd::push; Aborted when another
+  /// producer has taken over.
+  absl::StatusOr<PushOutcome> push(render::AgentFrame frame);
+  void count_incomplete();
+  absl::Status set_walkable_area(std::string wkt);
+  std::uint32_t viewers() const { return crowd_->viewers(); }
+  const std::string& crowd_name() const { return crowd_->name(); }
+
+ private:
+  friend class Registry;
+  Publication(Now now, std::uint32_t max_environment_bytes, std::shared_ptr<NamedCrowd> crowd,
+              std::uint64_t id)
+      : now_(std::move(now)), max_environment_bytes_(max_environment_bytes),
+        crowd_(std::move(crowd)), id_(id) {}
+
+  Now now_;
+  std::uint32_t max_environment_bytes_;
+  std::shared_ptr<NamedCrowd> crowd_;
+  std::uint64_t id_;
+};
+
+/// All crowds of a server, by name. Thread safe.
+class Registry {
+ public:
+  /// `cast` is what crowds choose characters from; it is shared with the renderer.
+  Registry(std::shared_ptr<const render::Cast> cast, Limits limits, PlayoutSettings playout = {},
+           Now now = [] { return Clock::now(); });
+
+  /// Opens a crowd for one producer and creates it if need be. The run that the crowd already
+  /// shows is continued when `run_id` is the same (a producer that reconnects, which also ends its
+  /// own stale stream); any other run_id forgets the history.
+  /// @param on_revoked  called once, from any thread, when another producer takes over.
+  /// InvalidArgument: a bad name, rate, origin or channel, or a continued run that differs in them.
+  /// AlreadyExists: another producer feeds it. ResourceExhausted: too many crowds or channels.
+  absl::StatusOr<std::unique_ptr<Publication>> start(StartRequest request,
+                                                     std::function<void()> on_revoked);
+
+  /// NotFound names the crowd.
+  absl::StatusOr<std::shared_ptr<NamedCrowd>> find(const std::string& name) const;
+  std::vector<CrowdReport> list() const;
+  /// FailedPrecondition while a producer feeds it; NotFound.
+  absl::Status remove(const std::string& name);
+  const Limits& limits() const { return limits_; }
+
+ private:
+  std::shared_ptr<const render::Cast> cast_;
+  Limits limits_;
+  PlayoutSettings playout_;
+  Now now_;
+  mutable std::mutex mutex_;
+  std::map<std::string, std::shared_ptr<NamedCrowd>> crowds_;
+  std::uint64_t last_publication_ = 0;
+};
+
+}  // namespace throng::server

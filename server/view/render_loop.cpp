@@ -1,0 +1,408 @@
+#include "server/view/render_loop.hpp"
+
+#include <absl/strings/str_cat.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <condition_variable>
+#include <cstddef>
+#include <deque>
+#include <mutex>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "throng/render/encode.hpp"
+
+namespace throng::server {
+namespace {
+
+double milliseconds(Clock::duration duration) {
+  return std::chrono::duration<double, std::milli>(duration).count();
+}
+
+/// Who gets a frame: viewers with the index it has for them, or one caller of `picture`.
+struct Recipients {
+  std::vector<std::pair<std::shared_ptr<Viewer>, std::uint64_t>> viewers;
+  PictureDone done;
+};
+
+void deliver(Recipients& to, const std::shared_ptr<const EncodedFrame>& frame) {
+  for (auto& [viewer, index] : to.viewers) viewer->deliver(index, frame);
+  if (to.done) to.done(frame);
+}
+
+void fail(Recipients& to, const absl::Status& status) {
+  for (auto& [viewer, index] : to.viewers) viewer->end(status);
+  if (to.done) to.done(status);
+}
+
+/// What decides every pixel of a frame.
+struct FrameKey {
+  std::weak_ptr<const render::Crowd> crowd;  // weak: a cache must not keep a history alive
+  std::int64_t scene_time_us = 0;
+  std::int64_t newest_time_us = 0;
+  bool live = false;
+  ViewRequest view;  // without its crowd, with the camera that is really used
+};
+
+bool equal(const FrameKey& a, const FrameKey& b) {
+  return a.scene_time_us == b.scene_time_us && a.newest_time_us == b.newest_time_us &&
+         a.live == b.live && !a.crowd.owner_before(b.crowd) && !b.crowd.owner_before(a.crowd) &&
+         same_picture(a.view, b.view);
+}
+
+struct EncodeJob {
+  render::Picture picture;
+  std::shared_ptr<EncodedFrame> frame;
+  ImageFormat format = ImageFormat::kJpeg;
+  int jpeg_quality = 80;
+  Clock::time_point began;
+  FrameKey key;
+  Recipients recipients;
+};
+
+constexpr std::size_t kCachedFrames = 8;
+
+}  // namespace
+
+struct RenderLoop::State {
+  explicit State(RenderLoopOptions loop_options) : options(std::move(loop_options)) {}
+
+  void render_thread(MakeRenderer make_renderer);
+  void encode_thread();
+  void draw(FrameRenderer& renderer, const PictureRequest& request, Recipients recipients,
+            Clock::time_point now);
+  bool next_work(std::optional<PictureRequest>& request, Recipients& recipients,
+                 Clock::time_point& now);
+
+  const RenderLoopOptions options;
+
+  mutable std::mutex mutex;
+  std::condition_variable changed;      // work for the render thread, or stop
+  std::condition_variable job_changed;  // `job` came or went, or stop
+  bool stop = false;
+  bool woken = false;
+  std::optional<absl::Status> made;  // how making the renderer ended
+  std::string compute_name, raster_name;
+  std::vector<std::shared_ptr<Viewer>> viewers;
+  std::deque<std::pair<PictureRequest, PictureDone>> pictures;
+  std::optional<EncodeJob> job;
+  std::vector<render::Picture> spare_pictures;
+  std::deque<std::pair<FrameKey, std::shared_ptr<const EncodedFrame>>> cache;
+  RenderLoopCounters counters;
+
+  std::thread renderer, encoder;
+};
+
+RenderLoop::RenderLoop(std::unique_ptr<State> state) : state_(std::move(state)) {}
+
+absl::StatusOr<std::unique_ptr<RenderLoop>> RenderLoop::start(MakeRenderer make_renderer,
+                                                              RenderLoopOptions options) {
+  std::unique_ptr<RenderLoop> loop(new RenderLoop(std::make_unique<State>(std::move(options))));
+  State* state = loop->state_.get();
+  state->renderer = std::thread([state, make = std::move(make_renderer)]() mutable {
+    state->render_thread(std::move(make));
+  });
+  state->encoder = std::thread([state] { state->encode_thread(); });
+  std::unique_lock lock(state->mutex);
+  state->job_changed.wait(lock, [state] { return state->made.has_value(); });
+  if (!state->made->ok()) return *state->made;
+  return loop;
+}
+
+RenderLoop::~RenderLoop() {
+  {
+    const std::lock_guard lock(state_->mutex);
+    state_->stop = true;
+  }
+  state_->changed.notify_all();
+  state_->job_changed.notify_all();
+  state_->renderer.join();
+  state_->encoder.join();
+  for (auto& [request, done] : state_->pictures) {
+    done(absl::UnavailableError("the server is stopping"));
+  }
+}
+
+void RenderLoop::add(std::shared_ptr<Viewer> viewer) {
+  const std::lock_guard lock(state_->mutex);
+  state_->viewers.push_back(std::move(viewer));
+  state_->woken = true;
+  state_->changed.notify_one();
+}
+
+void RenderLoop::remove(const Viewer* viewer) {
+  const std::lock_guard lock(state_->mutex);
+  std::erase_if(state_->viewers, [viewer](const auto& entry) { return entry.get() == viewer; });
+}
+
+void RenderLoop::wake() {
+  const std::lock_guard lock(state_->mutex);
+  state_->woken = true;
+  state_->changed.notify_one();
+}
+
+absl::Status RenderLoop::picture(PictureRequest request, PictureDone done) {
+  const std::lock_guard lock(state_->mutex);
+  if (state_->stop) return absl::UnavailableError("the server is stopping");
+  if (state_->pictures.size() >= state_->options.max_pending_pictures) {
+    return absl::ResourceExhaustedError(absl::StrCat("picture: ", state_->pictures.size(),
+                                                     " wait, at most ",
+                                                     state_->options.max_pending_pictures));
+  }
+  state_->pictures.emplace_back(std::move(request), std::move(done));
+  state_->changed.notify_one();
+  return absl::OkStatus();
+}
+
+std::string RenderLoop::compute_name() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->compute_name;
+}
+
+std::string RenderLoop::raster_name() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->raster_name;
+}
+
+RenderLoopCounters RenderLoop::counters() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->counters;
+}
+
+void RenderLoop::State::render_thread(MakeRenderer make_renderer) {
+  absl::StatusOr<std::unique_ptr<FrameRenderer>> made_renderer = make_renderer();
+  {
+    const std::lock_guard lock(mutex);
+    made = made_renderer.status();
+    if (made_renderer.ok()) {
+      compute_name = (*made_renderer)->compute_name();
+      raster_name = (*made_renderer)->raster_name();
+    }
+  }
+  job_changed.notify_all();
+  if (!made_renderer.ok()) return;
+
+  std::optional<PictureRequest> request;
+  Recipients recipients;
+  Clock::time_point now;
+  while (next_work(request, recipients, now)) {
+    draw(**made_renderer, *request, std::move(recipients), now);
+    request.reset();
+    recipients = Recipients();
+  }
+}
+
+/// Waits for something to draw; false: stop.
+bool RenderLoop::State::next_work(std::optional<PictureRequest>& request, Recipients& recipients,
+                                  Clock::time_point& now) {
+  std::vector<std::shared_ptr<Viewer>> orphans;
+  std::unique_lock lock(mutex);
+  while (!stop) {
+    now = options.now();
+    woken = false;
+    if (!pictures.empty()) {
+      request = std::move(pictures.front().first);
+      recipients.done = std::move(pictures.front().second);
+      pictures.pop_front();
+      return true;
+    }
+
+    // The viewer that is due first; viewers whose crowd is gone are told so.
+    std::shared_ptr<Viewer> first;
+    Clock::time_point first_due = Clock::time_point::max();
+    std::erase_if(viewers, [&](const std::shared_ptr<Viewer>& viewer) {
+      if (viewer->request().crowd->deleted()) {
+        orphans.push_back(viewer);
+        return true;
+      }
+      const std::optional<Clock::time_point> due = viewer->due();
+      if (due.has_value() && *due < first_due) {
+        first = viewer;
+        first_due = *due;
+      }
+      return false;
+    });
+    if (!orphans.empty()) {
+      lock.unlock();
+      for (const auto& viewer : orphans) {
+        viewer->end(absl::NotFoundError(absl::StrCat("crowd_name: crowd '",
+                                                     viewer->request().crowd->name(),
+                                                     "' was deleted")));
+      }
+      orphans.clear();
+      lock.lock();
+      continue;
+    }
+    if (first == nullptr) {
+      changed.wait(lock, [this] { return stop || woken || !pictures.empty(); });
+      continue;
+    }
+    if (first_due > now) {
+      changed.wait_for(lock, first_due - now,
+                       [this] { return stop || woken || !pictures.empty(); });
+      continue;
+    }
+
+    // Whoever wants the same picture soon gets this one: a frame early is not seen, a frame
+    // rendered twice is.
+    request.emplace();
+    request->view = first->request();
+    const auto soon = now + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
+                                0.5 / request->view.max_rate_hz));
+    for (const std::shared_ptr<Viewer>& viewer : viewers) {
+      const std::optional<Clock::time_point> due = viewer->due();
+      if (!due.has_value() || *due > soon) continue;
+      if (viewer != first && !same_picture(viewer->request(), request->view)) continue;
+      recipients.viewers.emplace_back(viewer, viewer->begin_frame(now));
+    }
+    return true;
+  }
+  return false;
+}
+
+void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& request,
+                             Recipients recipients, Clock::time_point now) {
+  const ViewRequest& view = request.view;
+  const Clock::time_point began = Clock::now();
+  const Moment moment = view.crowd->moment(now);
+  const std::int64_t scene_time_us = request.scene_time_us.value_or(moment.scene_time_us);
+
+  // The same picture again?
+  FrameKey key;
+  key.crowd = moment.crowd;
+  key.scene_time_us = scene_time_us;
+  key.newest_time_us = moment.newest_time_us;
+  key.live = moment.live;
+  key.view = view;
+  key.view.crowd = nullptr;
+  if (!view.camera.has_value()) {
+    key.view.camera =
+        render::overview_camera(moment.overview.low, moment.overview.high, view.viewport);
+  }
+  if (!recipients.viewers.empty()) {
+    std::shared_ptr<const EncodedFrame> known;
+    {
+      const std::lock_guard lock(mutex);
+      for (const auto& [cached_key, frame] : cache) {
+        if (equal(cached_key, key)) known = frame;
+      }
+      if (known != nullptr) counters.shared_frames += recipients.viewers.size();
+    }
+    if (known != nullptr) {
+      deliver(recipients, known);
+      return;
+    }
+  }
+
+  EncodeJob next;
+  {
+    const std::lock_guard lock(mutex);
+    if (!spare_pictures.empty()) {
+      next.picture = std::move(spare_pictures.back());
+      spare_pictures.pop_back();
+    }
+  }
+  render::ViewSettings settings;
+  settings.camera = *key.view.camera;
+  settings.viewport = view.viewport;
+  settings.selection.vertex_budget =
+      view.vertex_budget != 0 ? view.vertex_budget : options.default_vertex_budget;
+  settings.look.shadows = view.shadows;
+  settings.channel = view.channel.empty() ? -1 : view.crowd->channel_index(view.channel);
+  settings.look.color_by_channel = settings.channel >= 0;
+  settings.look.channel_low = view.channel_low;
+  settings.look.channel_high = view.channel_high;
+  next.frame = std::make_shared<EncodedFrame>();
+  const absl::Status status =
+      renderer.render(*moment.crowd, scene_time_us, settings, next.picture, next.frame->stats);
+  if (!status.ok()) {
+    {
+      const std::lock_guard lock(mutex);
+      ++counters.failed_frames;
+    }
+    fail(recipients, status);
+    return;
+  }
+  next.frame->viewport = view.viewport;
+  next.frame->camera = settings.camera;
+  next.frame->vertex_budget = settings.selection.vertex_budget;
+  next.frame->scene_time_us = scene_time_us;
+  next.frame->newest_time_us = moment.newest_time_us;
+  next.frame->live = moment.live;
+  next.format = request.format;
+  next.jpeg_quality = view.jpeg_quality;
+  next.began = began;
+  next.key = std::move(key);
+  next.recipients = std::move(recipients);
+
+  // One picture may wait for the encoder; rendering further ahead would only add lag.
+  std::unique_lock lock(mutex);
+  ++counters.rendered_frames;
+  if (!next.recipients.viewers.empty()) {
+    counters.shared_frames += next.recipients.viewers.size() - 1;
+  }
+  job_changed.wait(lock, [this] { return stop || !job.has_value(); });
+  if (stop) {
+    lock.unlock();
+    fail(next.recipients, absl::UnavailableError("the server is stopping"));
+    return;
+  }
+  job = std::move(next);
+  job_changed.notify_all();
+}
+
+void RenderLoop::State::encode_thread() {
+  render::JpegEncoder jpeg;
+  for (;;) {
+    EncodeJob current;
+    {
+      std::unique_lock lock(mutex);
+      job_changed.wait(lock, [this] { return stop || job.has_value(); });
+      if (!job.has_value()) return;
+      current = std::move(*job);
+      job.reset();
+    }
+    job_changed.notify_all();
+
+    const Clock::time_point began = Clock::now();
+    absl::Status status;
+    const render::Picture& picture = current.picture;
+    if (current.format == ImageFormat::kJpeg) {
+      const auto bytes = jpeg.encode(picture.rgbx, picture.width_px, picture.height_px,
+                                     current.jpeg_quality);
+      status = bytes.status();
+      if (bytes.ok()) current.frame->image.assign(bytes->begin(), bytes->end());
+    } else {
+      const auto bytes = render::encode_png(picture.rgbx, picture.width_px, picture.height_px);
+      status = bytes.status();
+      if (bytes.ok()) current.frame->image.assign(bytes->begin(), bytes->end());
+    }
+    const Clock::time_point ended = Clock::now();
+    current.frame->stats.times.encode_ms = milliseconds(ended - began);
+    current.frame->server_ms = milliseconds(ended - current.began);
+
+    {
+      const std::lock_guard lock(mutex);
+      if (spare_pictures.size() < 2) spare_pictures.push_back(std::move(current.picture));
+      if (status.ok()) {
+        counters.encoded_bytes += current.frame->image.size();
+        if (current.format == ImageFormat::kJpeg) {
+          cache.emplace_back(std::move(current.key), current.frame);
+          if (cache.size() > kCachedFrames) cache.pop_front();
+        }
+      } else {
+        ++counters.failed_frames;
+      }
+    }
+    if (status.ok()) {
+      deliver(current.recipients, current.frame);
+    } else {
+      fail(current.recipients, status);
+    }
+  }
+}
+
+}  // namespace throng::server
