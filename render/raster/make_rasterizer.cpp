@@ -1,4 +1,5 @@
 #include "render/raster/gl/gl_rasterizer.hpp"
+#include "render/raster/visibility/visibility_rasterizer.hpp"
 #include "throng/render/raster.hpp"
 
 namespace throng::render {
@@ -8,9 +9,9 @@ absl::StatusOr<std::unique_ptr<Rasterizer>> make_rasterizer(RasterKind kind, uns
     case RasterKind::kGl:
       return gl::make_gl_rasterizer(threads);
     case RasterKind::kVisibility:
-      break;
+      return visibility::make_visibility_rasterizer(threads);
   }
-  return absl::UnavailableError("make_rasterizer: the visibility rasterizer is not built");
+  return absl::InvalidArgumentError("make_rasterizer: unknown kind");
 }
 
 }  // namespace throng::render

@@ -1,10 +1,10 @@
-#include "raster/scene.hpp"
+#include "render/raster/scene.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "raster/element/color.hpp"
-#include "raster/element/tint.hpp"
+#include "render/raster/element/color.hpp"
+#include "render/raster/element/tint.hpp"
 
 namespace throng::render {
 namespace {

@@ -524,8 +524,8 @@ class GlRasterizer final : public Rasterizer {
     }
     // The eye within the grid's period, so that the shader's numbers stay small anywhere on earth.
     const glm::dvec3 eye = camera.eye_world - origin_world;
-    uniforms.grid = glm::vec4(static_cast<float>(eye.x - 10.0 * std::floor(eye.x / 10.0)),
-                              static_cast<float>(eye.y - 10.0 * std::floor(eye.y / 10.0)),
+    uniforms.grid = glm::vec4(static_cast<float>(eye.x - 20.0 * std::floor(eye.x / 20.0)),
+                              static_cast<float>(eye.y - 20.0 * std::floor(eye.y / 20.0)),
                               static_cast<float>(tile.x_px), static_cast<float>(tile.y_px));
     glNamedBufferSubData(uniforms_, 0, sizeof(uniforms), &uniforms);
   }

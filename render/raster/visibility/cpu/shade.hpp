@@ -5,7 +5,7 @@
 #include <glm/glm.hpp>
 #include <vector>
 
-#include "raster/scene.hpp"
+#include "render/raster/scene.hpp"
 #include "throng/render/compute.hpp"
 
 namespace throng::render::visibility {

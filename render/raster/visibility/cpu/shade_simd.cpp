@@ -417,7 +417,7 @@ void ShadeBackground(const SceneFrame& scene, int x_px, int y_px, int count, flo
     const F to_plane = hn::Sub(Set(scene.ground_relative_m), origin.z);
     auto hit = scene.orthographic ? hn::Gt(hn::Abs(ray.z), Set(1e-5F))
                                   : hn::Gt(hn::Mul(to_plane, ray.z), hn::Zero(df));
-    if (!scene.ground) hit = hn::MaskFalse(df);
+    if (!scene.ground) hit = hn::Lt(hn::Zero(df), hn::Zero(df));
     V3 color{hn::Zero(df), hn::Zero(df), hn::Zero(df)};
     if (!hn::AllTrue(df, hit)) {
       const bool below_ground = scene.ground && scene.ground_relative_m >= 0.0F;

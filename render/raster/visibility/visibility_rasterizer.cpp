@@ -1,0 +1,561 @@
+#include "render/raster/visibility/visibility_rasterizer.hpp"
+
+#include <absl/strings/str_cat.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <new>
+#include <utility>
+#include <vector>
+
+#include "render/compute/cpu/work_pool.hpp"
+#include "render/raster/scene.hpp"
+#include "render/raster/visibility/cpu/shade.hpp"
+#include "render/raster/visibility/cpu/tile.hpp"
+#include "render/raster/visibility/element/word.hpp"
+
+namespace throng::render::visibility {
+namespace {
+
+constexpr std::uint32_t kMaxSidePx = 16384;
+constexpr int kTilePx = kTileSamples / 2;      // two samples a pixel and axis
+constexpr std::size_t kPixels = kTilePx * kTilePx;
+constexpr std::uint64_t kCellRefreshTriangles = 512;
+
+/// Everything one worker needs for one tile. About 180 KiB: stays in the second-level cache.
+struct TileScratch {
+  TilePlanes planes;
+  TilePlanes shadow;  // depth: share of light that a cast shadow takes
+  ShadeItems items;
+  alignas(64) float missing[kPixels];
+  alignas(64) float rgb[3][kPixels];
+  alignas(64) float row[3][kTilePx];
+  alignas(64) float background_share[kPixels];
+  TileCounters counters;
+};
+
+class VisibilityRasterizer final : public Rasterizer {
+ public:
+  explicit VisibilityRasterizer(unsigned threads) : pool_(threads) {
+    scratch_.resize(pool_.thread_count());
+    for (auto& one : scratch_) one = std::make_unique<TileScratch>();
+  }
+
+  RasterInfo info() const override {
+    return {absl::StrCat("visibility (cpu, ", pool_.thread_count(), " threads)"),
+            absl::StrCat("CPU visibility rasterizer, ", simd_name(), ", 4 samples a pixel")};
+  }
+
+  absl::Status upload(std::shared_ptr<const Cast> cast) override;
+  absl::Status draw(const FrameGeometry& geometry, const Camera& camera, const Viewport& viewport,
+                    const glm::dvec3& origin_world, const Look& look, Picture& picture) override;
+
+ private:
+  absl::Status check(const FrameGeometry& geometry, const Viewport& viewport) const;
+  void project(const FrameGeometry& geometry);
+  void project_shadows(const FrameGeometry& geometry, const SceneFrame& scene);
+  absl::Status number_blocks(const FrameGeometry& geometry);
+  void bin(const Viewport& viewport);
+  void bin_shadows(const SceneFrame& scene, const Viewport& viewport);
+  void draw_tile(const FrameGeometry& geometry, const SceneFrame& scene, const Viewport& viewport,
+                 std::size_t tile, TileScratch& scratch, Picture& picture) const;
+  void collect_items(const FrameGeometry& geometry, int tile_x_px, int tile_y_px, int width, int height,
+                     TileScratch& scratch) const;
+  void add_background(const SceneFrame& scene, std::size_t tile, int tile_x_px, int tile_y_px,
+                      int width, int height, TileScratch& scratch, const FrameGeometry& geometry) const;
+
+  /// Lists of instances by tile: those of tile i are entries [first[i], first[i + 1]).
+  struct Bins {
+    std::vector<std::uint32_t> first, entries;
+    /// `visit(place)` calls its argument with (tile, value) for each entry, twice in the same order.
+    template <typename Visit>
+    void fill(std::size_t tiles, const Visit& visit) {
+      first.assign(tiles + 2, 0);
+      visit([&](std::size_t tile, std::uint32_t) { ++first[tile + 2]; });
+      for (std::size_t i = 2; i < first.size(); ++i) first[i] += first[i - 1];
+      entries.resize(first.back());
+      visit([&](std::size_t tile, std::uint32_t value) { entries[first[tile + 1]++] = value; });
+    }
+    std::span<const std::uint32_t> of(std::size_t tile) const {
+      return {entries.data() + first[tile], entries.data() + first[tile + 1]};
+    }
+  };
+
+  WorkPool pool_;
+  std::vector<std::unique_ptr<TileScratch>> scratch_;
+  std::shared_ptr<const Cast> cast_;
+  TextureStore textures_;
+  std::vector<std::uint8_t> double_sided_;  // by character
+
+  // of the frame; grow only
+  SampleGrid grid_{};
+  std::uint32_t tiles_x_ = 0, tiles_y_ = 0;
+  Projected projected_;
+  std::vector<Footprint> footprints_;             // [V]
+  std::vector<std::uint32_t> first_block_;        // [V+1]
+  std::vector<std::uint32_t> block_instance_;     // [blocks]
+  std::vector<std::uint32_t> order_;              // [V] near to far
+  std::vector<InstanceShade> shades_;             // [V]
+  Bins bins_, blob_bins_, caster_bins_;
+  std::vector<Blob> blobs_;                       // [V]
+  std::vector<std::uint32_t> casters_;
+  std::vector<BatchVertex> shadow_vertices_;
+  std::vector<std::uint32_t> shadow_indices_;
+  Projected shadow_projected_;
+  struct Caster {
+    Footprint footprint;
+    std::uint32_t first_index, triangles;
+  };
+  std::vector<Caster> caster_shapes_;
+  std::vector<Footprint> blob_rectangles_;  // [V]
+  Projected shadow_corner_;
+};
+
+absl::Status VisibilityRasterizer::upload(std::shared_ptr<const Cast> cast) {
+  if (cast == nullptr || cast->members.empty()) {
+    return absl::InvalidArgumentError("visibility upload: the cast is empty");
+  }
+  TextureStore store;
+  std::vector<std::uint8_t> double_sided;
+  try {
+    const auto append = [&store](const MipImage& image) {
+      const std::size_t first = store.texels.size();
+      store.texels.resize(first + image.texels.size() / 4);
+      std::memcpy(store.texels.data() + first, image.texels.data(), image.texels.size() / 4 * 4);
+      return first;
+    };
+    for (const CastMember& member : cast->members) {
+      const Character& character = member.character;
+      TextureInfo info;
+      if (character.base_color.level_count == 0) {
+        info.base_first = static_cast<std::int32_t>(store.texels.size());
+        store.texels.push_back(0xffb4b4b4U);
+      } else {
+        info.base_first = static_cast<std::int32_t>(append(character.base_color));
+        info.base_width = static_cast<std::int32_t>(character.base_color.width_px);
+        info.base_height = static_cast<std::int32_t>(character.base_color.height_px);
+        info.base_levels = static_cast<std::int32_t>(character.base_color.level_count);
+      }
+      if (character.tint_mask.level_count > 0) {
+        info.mask_first = static_cast<std::int32_t>(append(character.tint_mask));
+        info.mask_width = static_cast<std::int32_t>(character.tint_mask.width_px);
+        info.mask_height = static_cast<std::int32_t>(character.tint_mask.height_px);
+        info.mask_levels = static_cast<std::int32_t>(character.tint_mask.level_count);
+      }
+      if (store.texels.size() > 0x7fffffffULL) {
+        return absl::ResourceExhaustedError(
+            absl::StrCat("visibility upload: textures have ", store.texels.size(),
+                         " texels, at most ", 0x7fffffff));
+      }
+      store.infos.push_back(info);
+      std::uint8_t flags = 0;
+      for (const std::uint8_t one : character.triangle_flags) flags |= one;
+      double_sided.push_back((flags & (kTriangleDoubleSided | kTriangleAlphaCutout)) != 0);
+    }
+  } catch (const std::bad_alloc&) {
+    return absl::ResourceExhaustedError("visibility upload: no memory for the cast's textures");
+  }
+  textures_ = std::move(store);
+  double_sided_ = std::move(double_sided);
+  cast_ = std::move(cast);
+  return absl::OkStatus();
+}
+
+absl::Status VisibilityRasterizer::check(const FrameGeometry& geometry,
+                                         const Viewport& viewport) const {
+  if (viewport.width_px < 1 || viewport.width_px > kMaxSidePx || viewport.height_px < 1 ||
+      viewport.height_px > kMaxSidePx) {
+    return absl::InvalidArgumentError(absl::StrCat("visibility draw: viewport is ", viewport.width_px,
+                                                   "x", viewport.height_px,
+                                                   " px, each side must be 1 to ", kMaxSidePx));
+  }
+  const std::size_t count = geometry.instances.size();
+  if (count == 0) return absl::OkStatus();
+  if (cast_ == nullptr) {
+    return absl::FailedPreconditionError("visibility draw: no cast is uploaded");
+  }
+  if (geometry.vertex_offset.size() != count + 1 || geometry.triangle_offset.size() != count + 1 ||
+      geometry.vertex_offset.back() != geometry.vertices.size() ||
+      std::size_t{3} * geometry.triangle_offset.back() != geometry.indices.size()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "visibility draw: ", count, " instances need offsets of ", count + 1, " that end at ",
+        geometry.vertices.size(), " vertices and ", geometry.indices.size() / 3, " triangles"));
+  }
+  if (geometry.vertices.size() > 0x7fffffffULL / 6 || geometry.indices.size() > 0x7fffffffULL) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat("visibility draw: ", geometry.vertices.size(), " vertices, at most ",
+                     0x7fffffffULL / 6));
+  }
+  for (const VisibleInstance& instance : geometry.instances) {
+    if (instance.character >= cast_->members.size()) {
+      return absl::InvalidArgumentError(absl::StrCat("visibility draw: character is ",
+                                                     instance.character, ", the cast has ",
+                                                     cast_->members.size()));
+    }
+  }
+  return absl::OkStatus();
+}
+
+void VisibilityRasterizer::project(const FrameGeometry& geometry) {
+  const std::size_t count = geometry.instances.size();
+  projected_.resize(geometry.vertices.size());
+  footprints_.resize(count);
+  constexpr std::size_t kChunk = 64;
+  pool_.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      footprints_[i] = project_vertices(grid_, geometry.vertices.data(), geometry.vertex_offset[i],
+                                        geometry.vertex_offset[i + 1], projected_);
+    }
+  });
+}
+
+absl::Status VisibilityRasterizer::number_blocks(const FrameGeometry& geometry) {
+  const std::size_t count = geometry.instances.size();
+  first_block_.resize(count + 1);
+  std::uint32_t blocks = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    first_block_[i] = blocks;
+    const std::uint32_t triangles = geometry.triangle_offset[i + 1] - geometry.triangle_offset[i];
+    blocks += (triangles + element::kBlockTriangles - 1) / element::kBlockTriangles;
+  }
+  first_block_[count] = blocks;
+  if (blocks > element::kMaxBlocks) {
+    return absl::ResourceExhaustedError(absl::StrCat("visibility draw: ", blocks,
+                                                     " triangle blocks, at most ",
+                                                     element::kMaxBlocks));
+  }
+  block_instance_.resize(blocks);
+  for (std::size_t i = 0; i < count; ++i) {
+    std::fill(block_instance_.begin() + first_block_[i], block_instance_.begin() + first_block_[i + 1],
+              static_cast<std::uint32_t>(i));
+  }
+  return absl::OkStatus();
+}
+
+void VisibilityRasterizer::bin(const Viewport&) {
+  // near to far, so that what is hidden is known to be when its turn comes
+  order_.clear();
+  for (std::uint32_t i = 0; i < footprints_.size(); ++i) {
+    const Footprint& f = footprints_[i];
+    if (f.x_low <= f.x_high && f.y_low <= f.y_high) order_.push_back(i);
+  }
+  std::sort(order_.begin(), order_.end(), [this](std::uint32_t a, std::uint32_t b) {
+    const float da = footprints_[a].depth_high, db = footprints_[b].depth_high;
+    return da != db ? da > db : a < b;
+  });
+  bins_.fill(std::size_t{tiles_x_} * tiles_y_, [&](auto&& place) {
+    for (const std::uint32_t i : order_) {
+      const Footprint& f = footprints_[i];
+      for (int ty = f.y_low / kTileSamples; ty <= f.y_high / kTileSamples; ++ty) {
+        for (int tx = f.x_low / kTileSamples; tx <= f.x_high / kTileSamples; ++tx) {
+          place(static_cast<std::size_t>(ty) * tiles_x_ + static_cast<std::size_t>(tx), i);
+        }
+      }
+    }
+  });
+}
+
+void VisibilityRasterizer::project_shadows(const FrameGeometry& geometry, const SceneFrame& scene) {
+  shadow_vertices_.clear();
+  shadow_indices_.clear();
+  caster_shapes_.clear();
+  std::vector<std::size_t> first_vertex;
+  const glm::vec3 sun = scene.sun_direction;
+  for (const std::uint32_t i : casters_) {
+    first_vertex.push_back(shadow_vertices_.size());
+    const std::uint32_t begin = geometry.vertex_offset[i], end = geometry.vertex_offset[i + 1];
+    const auto shift = static_cast<std::uint32_t>(shadow_vertices_.size()) - begin;
+    for (std::uint32_t v = begin; v < end; ++v) {
+      BatchVertex vertex = geometry.vertices[v];
+      glm::vec3& p = vertex.position_relative;
+      const float height_m = std::max(p.z - scene.ground_relative_m, 0.0F);
+      const float slide = height_m / std::max(sun.z, 0.05F);
+      p = glm::vec3(p.x - sun.x * slide, p.y - sun.y * slide, scene.ground_relative_m);
+      // kept for the depth plane below; shading never sees these vertices
+      vertex.visible = static_cast<std::uint32_t>(
+          std::min(height_m / std::max(shades_[i].height_m, 0.1F), 1.0F) * 65535.0F);
+      shadow_vertices_.push_back(vertex);
+    }
+    const auto first_index = static_cast<std::uint32_t>(shadow_indices_.size());
+    for (std::size_t k = std::size_t{3} * geometry.triangle_offset[i];
+         k < std::size_t{3} * geometry.triangle_offset[i + 1]; ++k) {
+      shadow_indices_.push_back(geometry.indices[k] + shift);
+    }
+    caster_shapes_.push_back(
+        {{}, first_index, geometry.triangle_offset[i + 1] - geometry.triangle_offset[i]});
+  }
+  first_vertex.push_back(shadow_vertices_.size());
+  shadow_projected_.resize(shadow_vertices_.size());
+  for (std::size_t c = 0; c < casters_.size(); ++c) {
+    Footprint& footprint = caster_shapes_[c].footprint;
+    InstanceShade& shade = shades_[casters_[c]];
+    footprint = project_vertices(grid_, shadow_vertices_.data(), first_vertex[c], first_vertex[c + 1],
+                                 shadow_projected_);
+    if (footprint.clipped) {
+      // reaches behind the eye: a soft blob instead
+      footprint.x_high = footprint.x_low - 1;
+      shade.cast_shadow = 0.0F;
+      continue;
+    }
+    const float distance_m =
+        scene.orthographic ? 1e-3F : std::max(glm::length(shade.feet_relative), 1e-3F);
+    const float slope = std::min(std::abs(scene.ground_relative_m) / distance_m, 1.0F);
+    const float share = shade.cast_shadow * (1.0F - std::exp2(-55.0F * slope));
+    // the plane keeps the strongest shadow, as the depth plane keeps the nearest surface
+    for (std::size_t v = first_vertex[c]; v < first_vertex[c + 1]; ++v) {
+      const float height = static_cast<float>(shadow_vertices_[v].visible) / 65535.0F;
+      shadow_projected_.depth[v] = share * (0.56F - 0.14F * height);
+    }
+  }
+}
+
+void VisibilityRasterizer::bin_shadows(const SceneFrame& scene, const Viewport& viewport) {
+  const std::size_t tiles = std::size_t{tiles_x_} * tiles_y_;
+  const auto cover = [&](const Footprint& f, std::uint32_t value, auto&& place) {
+    if (f.x_low > f.x_high || f.y_low > f.y_high) return;
+    for (int ty = f.y_low / kTileSamples; ty <= f.y_high / kTileSamples; ++ty) {
+      for (int tx = f.x_low / kTileSamples; tx <= f.x_high / kTileSamples; ++tx) {
+        place(static_cast<std::size_t>(ty) * tiles_x_ + static_cast<std::size_t>(tx), value);
+      }
+    }
+  };
+  caster_bins_.fill(tiles, [&](auto&& place) {
+    for (std::uint32_t c = 0; c < caster_shapes_.size(); ++c) {
+      cover(caster_shapes_[c].footprint, c, place);
+    }
+  });
+  blobs_.resize(shades_.size());
+  std::vector<Footprint> rectangles(shades_.size());
+  for (std::size_t i = 0; i < shades_.size(); ++i) {
+    blobs_[i] = make_blob(scene, shades_[i]);
+    const Blob& blob = blobs_[i];
+    BatchVertex corners[4]{};
+    for (int k = 0; k < 4; ++k) {
+      const float along = (k & 1) == 0 ? -0.55F : blob.reach + 0.35F;
+      const float across = (k & 2) == 0 ? -0.55F : 0.55F;
+      const glm::vec2 place =
+          blob.feet_relative +
+          (blob.away * along + glm::vec2(-blob.away.y, blob.away.x) * across) * blob.meter;
+      corners[k].position_relative = glm::vec3(place, scene.ground_relative_m);
+    }
+    Projected& projected = shadow_corner_;
+    projected.resize(4);
+    rectangles[i] = project_vertices(grid_, corners, 0, 4, projected);
+    if (std::max(blob.contact, blob.body) < 0.004F) rectangles[i].x_high = rectangles[i].x_low - 1;
+  }
+  blob_bins_.fill(tiles, [&](auto&& place) {
+    for (std::uint32_t i = 0; i < rectangles.size(); ++i) cover(rectangles[i], i, place);
+  });
+  blob_rectangles_ = std::move(rectangles);
+}
+
+void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, int tile_x_px, int tile_y_px,
+                                         int width, int height, TileScratch& scratch) const {
+  ShadeItems& items = scratch.items;
+  items.count = 0;
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      const std::size_t at = sample_index(2 * x, 2 * y);
+      const std::size_t places[4] = {at, at + 1, at + 4, at + 5};
+      const auto pixel = static_cast<std::uint16_t>(y * kTilePx + x);
+      std::uint32_t instance_of[4];
+      int empty = 0;
+      for (int k = 0; k < 4; ++k) {
+        if (scratch.planes.depth[places[k]] == 0.0F) {
+          instance_of[k] = ~0U;
+          ++empty;
+        } else {
+          instance_of[k] = block_instance_[element::block_of(scratch.planes.id[places[k]])];
+        }
+      }
+      scratch.background_share[pixel] = 0.25F * static_cast<float>(empty);
+      if (empty == 4) continue;
+      for (int k = 0; k < 4; ++k) {
+        const std::uint32_t instance = instance_of[k];
+        if (instance == ~0U) continue;
+        float samples = 0.0F, sum_x = 0.0F, sum_y = 0.0F;
+        for (int j = k; j < 4; ++j) {
+          if (instance_of[j] != instance) continue;
+          instance_of[j] = ~0U;
+          samples += 1.0F;
+          sum_x += (j & 1) != 0 ? 0.75F : 0.25F;
+          sum_y += (j & 2) != 0 ? 0.75F : 0.25F;
+        }
+        const std::uint32_t id = scratch.planes.id[places[k]];
+        const std::uint32_t triangle =
+            geometry.triangle_offset[instance] +
+            (element::block_of(id) - first_block_[instance]) * element::kBlockTriangles +
+            element::triangle_of(id);
+        const std::size_t n = items.count++;
+        items.triangle[n] = static_cast<std::int32_t>(3 * triangle);
+        items.instance[n] = static_cast<std::int32_t>(instance);
+        items.x_px[n] = static_cast<float>(tile_x_px + x) + sum_x / samples;
+        items.y_px[n] = static_cast<float>(tile_y_px + y) + sum_y / samples;
+        items.weight[n] = 0.25F * samples;
+        items.pixel[n] = pixel;
+      }
+    }
+  }
+}
+
+void VisibilityRasterizer::add_background(const SceneFrame& scene, std::size_t tile, int tile_x_px,
+                                          int tile_y_px, int width, int height, TileScratch& scratch,
+                                          const FrameGeometry& geometry) const {
+  std::memset(scratch.missing, 0, sizeof(scratch.missing));
+  if (scene.shadows && !geometry.instances.empty()) {
+    const std::span<const std::uint32_t> casters = caster_bins_.of(tile);
+    if (!casters.empty()) {
+      clear_tile(scratch.shadow);
+      TileCounters ignored;
+      for (const std::uint32_t c : casters) {
+        const Caster& caster = caster_shapes_[c];
+        const InstanceTriangles triangles{shadow_indices_.data() + caster.first_index, caster.triangles,
+                                          0, true, false};
+        draw_instance(triangles, shadow_projected_, shadow_vertices_.data(), grid_, tile_x_px * 2,
+                      tile_y_px * 2, scratch.shadow, ignored);
+      }
+      for (int y = 0; y < height; ++y) {
+        for (int x = 0; x < width; ++x) {
+          const float* d = scratch.shadow.depth + sample_index(2 * x, 2 * y);
+          scratch.missing[y * kTilePx + x] = 0.25F * (((d[0] + d[1]) + d[4]) + d[5]);
+        }
+      }
+    }
+    for (const std::uint32_t i : blob_bins_.of(tile)) {
+      const Footprint& f = blob_rectangles_[i];
+      const int x0 = std::max(0, f.x_low / 2 - tile_x_px), x1 = std::min(width - 1, f.x_high / 2 - tile_x_px);
+      const int y0 = std::max(0, f.y_low / 2 - tile_y_px), y1 = std::min(height - 1, f.y_high / 2 - tile_y_px);
+      // whole rows of the tile: vectors start where the tile does, so no pixel depends on f
+      if (x0 > x1) continue;
+      for (int y = y0; y <= y1; ++y) {
+        const int from = x0 & ~15;
+        shade_blob(scene, blobs_[i], tile_x_px + from, tile_y_px + y, ((x1 | 15) - from) + 1,
+                   scratch.missing + y * kTilePx + from);
+      }
+    }
+  }
+  for (int y = 0; y < height; ++y) {
+    const float* share = scratch.background_share + y * kTilePx;
+    bool any = false;
+    for (int x = 0; x < width; ++x) any |= share[x] > 0.0F;
+    if (!any) continue;
+    shade_background(scene, tile_x_px, tile_y_px + y, kTilePx, scratch.row[0], scratch.row[1],
+                     scratch.row[2]);
+    for (int c = 0; c < 3; ++c) {
+      float* out = scratch.rgb[c] + y * kTilePx;
+      const float* missing = scratch.missing + y * kTilePx;
+      for (int x = 0; x < width; ++x) out[x] += share[x] * (scratch.row[c][x] * (1.0F - missing[x]));
+    }
+  }
+}
+
+void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneFrame& scene,
+                                     const Viewport& viewport, std::size_t tile, TileScratch& scratch,
+                                     Picture& picture) const {
+  const int tile_x_px = static_cast<int>(tile % tiles_x_) * kTilePx;
+  const int tile_y_px = static_cast<int>(tile / tiles_x_) * kTilePx;
+  const int width = std::min(kTilePx, static_cast<int>(viewport.width_px) - tile_x_px);
+  const int height = std::min(kTilePx, static_cast<int>(viewport.height_px) - tile_y_px);
+  const int tile_x = tile_x_px * 2, tile_y = tile_y_px * 2;
+
+  clear_tile(scratch.planes);
+  std::memset(scratch.rgb, 0, sizeof(scratch.rgb));
+  scratch.items.count = 0;
+  bool empty = true;
+  if (!geometry.instances.empty()) {
+    std::uint64_t since_refresh = 0;
+    for (const std::uint32_t i : bins_.of(tile)) {
+      const Footprint& f = footprints_[i];
+      if (!f.clipped && hidden(scratch.planes, std::max(f.x_low - tile_x, 0), std::max(f.y_low - tile_y, 0),
+                               std::min(f.x_high - tile_x, kTileSamples - 1),
+                               std::min(f.y_high - tile_y, kTileSamples - 1), f.depth_high)) {
+        ++scratch.counters.hidden;
+        continue;
+      }
+      const std::uint32_t first = geometry.triangle_offset[i];
+      const InstanceTriangles triangles{geometry.indices.data() + std::size_t{3} * first,
+                                        geometry.triangle_offset[i + 1] - first, first_block_[i],
+                                        double_sided_[geometry.instances[i].character] != 0, f.clipped};
+      draw_instance(triangles, projected_, geometry.vertices.data(), grid_, tile_x, tile_y,
+                    scratch.planes, scratch.counters);
+      ++scratch.counters.instances;
+      since_refresh += triangles.count;
+      if (since_refresh >= kCellRefreshTriangles) {
+        update_cells(scratch.planes);
+        since_refresh = 0;
+      }
+      empty = false;
+    }
+  }
+  if (empty) {
+    std::fill(scratch.background_share, scratch.background_share + kPixels, 1.0F);
+  } else {
+    collect_items(geometry, tile_x_px, tile_y_px, width, height, scratch);
+    shade_items(scene, geometry, shades_.data(), textures_, scratch.items);
+    for (std::size_t n = 0; n < scratch.items.count; ++n) {
+      const std::size_t pixel = scratch.items.pixel[n];
+      for (int c = 0; c < 3; ++c) {
+        scratch.rgb[c][pixel] += scratch.items.weight[n] * scratch.items.rgb[c][n];
+      }
+    }
+  }
+  add_background(scene, tile, tile_x_px, tile_y_px, width, height, scratch, geometry);
+  for (int y = 0; y < height; ++y) {
+    std::uint8_t* out =
+        picture.rgbx.data() + 4 * (static_cast<std::size_t>(tile_y_px + y) * picture.width_px +
+                                   static_cast<std::size_t>(tile_x_px));
+    for (int x = 0; x < width; ++x) {
+      for (int c = 0; c < 3; ++c) out[4 * x + c] = srgb_from_linear(scratch.rgb[c][y * kTilePx + x]);
+      out[4 * x + 3] = 255;
+    }
+  }
+}
+
+absl::Status VisibilityRasterizer::draw(const FrameGeometry& geometry, const Camera& camera,
+                                        const Viewport& viewport, const glm::dvec3& origin_world,
+                                        const Look& look, Picture& picture) {
+  if (absl::Status status = check(geometry, viewport); !status.ok()) return status;
+  try {
+    picture.width_px = viewport.width_px;
+    picture.height_px = viewport.height_px;
+    picture.rgbx.resize(std::size_t{4} * viewport.width_px * viewport.height_px);
+    grid_.clip_from_relative = clip_from_relative(camera, viewport);
+    grid_.width = static_cast<std::int32_t>(2 * viewport.width_px);
+    grid_.height = static_cast<std::int32_t>(2 * viewport.height_px);
+    tiles_x_ = (viewport.width_px + kTilePx - 1) / kTilePx;
+    tiles_y_ = (viewport.height_px + kTilePx - 1) / kTilePx;
+    const SceneFrame scene = make_scene_frame(camera, viewport, origin_world, look);
+    if (!geometry.instances.empty()) {
+      if (absl::Status status = number_blocks(geometry); !status.ok()) return status;
+      shade_instances(geometry, *cast_, scene, look, shades_, casters_);
+      project(geometry);
+      bin(viewport);
+      if (scene.shadows) {
+        project_shadows(geometry, scene);
+        bin_shadows(scene, viewport);
+      }
+    }
+    for (auto& one : scratch_) one->counters = {};
+    pool_.run(std::size_t{tiles_x_} * tiles_y_, [&](std::size_t tile, unsigned worker) {
+      draw_tile(geometry, scene, viewport, tile, *scratch_[worker], picture);
+    });
+  } catch (const std::bad_alloc&) {
+    return absl::ResourceExhaustedError(absl::StrCat("visibility draw: no memory for ",
+                                                     viewport.width_px, "x", viewport.height_px, " px"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<Rasterizer>> make_visibility_rasterizer(unsigned threads) {
+  try {
+    return std::unique_ptr<Rasterizer>(std::make_unique<VisibilityRasterizer>(threads));
+  } catch (const std::bad_alloc&) {
+    return absl::ResourceExhaustedError("make_rasterizer: no memory for the tiles");
+  }
+}
+
+}  // namespace throng::render::visibility
