@@ -106,9 +106,13 @@ def main() -> int:
             writer = Tee(jps.SqliteTrajectoryWriter(output_file=arguments.sqlite, every_nth_frame=2), writer)
         scene = Bottleneck(writer, arguments.agents, arguments.seed)
         begin = time.monotonic()
+        told = False
         try:
             while scene.simulation.elapsed_time() < arguments.seconds:
                 scene.step()
+                if not told and pub.stats.applied:
+                    told = True
+                    print(f"crowd {arguments.crowd!r} is live, {scene.simulation.agent_count()} people", flush=True)
                 ahead_s = scene.simulation.elapsed_time() - (time.monotonic() - begin)
                 if ahead_s > 0 and not arguments.fast:
                     time.sleep(ahead_s)
