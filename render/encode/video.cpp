@@ -67,7 +67,9 @@ class LibavVideoWriter final : public VideoWriter {
     static std::atomic<unsigned> counter{0};
     const AVOutputFormat* container = av_guess_format(nullptr, path_.c_str(), nullptr);
     if (container == nullptr) container = av_guess_format("mp4", nullptr, nullptr);
-    int code = avformat_alloc_output_context2(&format_, container, nullptr, path_.c_str());
+    std::string temporary = absl::StrCat(path_, ".", ::getpid(), ".", counter.fetch_add(1), ".part");
+    // Fast start opens the file again by the context's name, so that is the temporary one.
+    int code = avformat_alloc_output_context2(&format_, container, nullptr, temporary.c_str());
     if (code < 0) return failed("avformat_alloc_output_context2", code);
     AVStream* stream = avformat_new_stream(format_, nullptr);
     if (stream == nullptr) return failed("avformat_new_stream", AVERROR(ENOMEM));
@@ -76,7 +78,6 @@ class LibavVideoWriter final : public VideoWriter {
     code = avcodec_parameters_from_context(stream->codecpar, codec_);
     if (code < 0) return failed("avcodec_parameters_from_context", code);
 
-    std::string temporary = absl::StrCat(path_, ".", ::getpid(), ".", counter.fetch_add(1), ".part");
     code = avio_open(&format_->pb, temporary.c_str(), AVIO_FLAG_WRITE);
     if (code < 0) {
       return absl::UnavailableError(
