@@ -79,9 +79,11 @@ class Dealer {
   WorkPool& pool_;
 };
 
-/// vertices / shares with 32 fractional bits, saturated. vertices < 2^32.
+/// vertices / shares with 32 fractional bits, rounded up so that the floor of a whole number stays.
+/// vertices < 2^32.
 std::uint64_t rate_of(std::uint64_t vertices, std::uint64_t shares) {
-  return shares == 0 ? std::numeric_limits<std::uint64_t>::max() : (vertices << 32) / shares;
+  if (shares == 0) return std::numeric_limits<std::uint64_t>::max();
+  return (vertices << 32) / shares + ((vertices << 32) % shares != 0 ? 1 : 0);
 }
 
 /// The best rate found in `kRounds` rounds that stays within `budget`.
