@@ -19,8 +19,8 @@ struct SceneFrame {
   // origin + origin_x * x + origin_y * y, and likewise its direction (forward component 1 m)
   glm::vec3 ray_origin, ray_origin_x, ray_origin_y;
   glm::vec3 ray_direction, ray_direction_x, ray_direction_y;
-  glm::vec2 grid_eye;       // the eye's place within the 10 m grid
-  float px_per_tangent;     // pixels of a metre at a distance of 1 m (perspective) or anywhere
+  glm::vec2 grid_eye;    // the eye's place within the 10 m grid
+  float px_per_tangent;  // pixels of a metre at a distance of 1 m (perspective) or anywhere
 };
 
 SceneFrame make_scene_frame(const Camera& camera, const Viewport& viewport,
@@ -30,17 +30,17 @@ SceneFrame make_scene_frame(const Camera& camera, const Viewport& viewport,
 struct InstanceShade {
   glm::vec3 feet_relative;
   float height_m;
-  std::uint32_t tint[4];    // skin, hair, top, bottom: element::pack_color
+  std::uint32_t tint[4];  // skin, hair, top, bottom: element::pack_color
   std::uint32_t character;
-  std::uint32_t channel;    // element::pack_color, or kNoChannel
-  float cast_shadow;        // share of the shadow drawn as the figure's projection, the rest is a blob
-  float size_px;            // the figure's height on the picture
+  std::uint32_t channel;  // element::pack_color, or kNoChannel
+  float cast_shadow;  // share of the shadow drawn as the figure's projection, the rest is a blob
+  float size_px;      // the figure's height on the picture
 };
 inline constexpr std::uint32_t kNoChannel = 0xffffffffU;
 static_assert(sizeof(InstanceShade) == 48);
 
-/// Fills `shades` [V] and chooses who casts a projected shadow: figures from 40 px on (fading in up to
-/// 64), the tallest first, until they cost a third of the figures' own triangles. `casters` are
+/// Fills `shades` [V] and chooses who casts a projected shadow: figures from 40 px on (fading in up
+/// to 64), the tallest first, until they cost a third of the figures' own triangles. `casters` are
 /// indices into the visible list, rising.
 void shade_instances(const FrameGeometry& geometry, const Cast& cast, const SceneFrame& scene,
                      const Look& look, std::vector<InstanceShade>& shades,

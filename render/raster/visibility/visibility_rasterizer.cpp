@@ -20,7 +20,7 @@ namespace throng::render::visibility {
 namespace {
 
 constexpr std::uint32_t kMaxSidePx = 16384;
-constexpr int kTilePx = kTileSamples / 2;      // two samples a pixel and axis
+constexpr int kTilePx = kTileSamples / 2;  // two samples a pixel and axis
 constexpr std::size_t kPixels = kTilePx * kTilePx;
 constexpr std::uint64_t kCellRefreshTriangles = 512;
 
@@ -61,15 +61,17 @@ class VisibilityRasterizer final : public Rasterizer {
   void bin_shadows(const SceneFrame& scene, const Viewport& viewport);
   void draw_tile(const FrameGeometry& geometry, const SceneFrame& scene, const Viewport& viewport,
                  std::size_t tile, TileScratch& scratch, Picture& picture) const;
-  void collect_items(const FrameGeometry& geometry, int tile_x_px, int tile_y_px, int width, int height,
-                     TileScratch& scratch) const;
+  void collect_items(const FrameGeometry& geometry, int tile_x_px, int tile_y_px, int width,
+                     int height, TileScratch& scratch) const;
   void add_background(const SceneFrame& scene, std::size_t tile, int tile_x_px, int tile_y_px,
-                      int width, int height, TileScratch& scratch, const FrameGeometry& geometry) const;
+                      int width, int height, TileScratch& scratch,
+                      const FrameGeometry& geometry) const;
 
   /// Lists of instances by tile: those of tile i are entries [first[i], first[i + 1]).
   struct Bins {
     std::vector<std::uint32_t> first, entries;
-    /// `visit(place)` calls its argument with (tile, value) for each entry, twice in the same order.
+    /// `visit(place)` calls its argument with (tile, value) for each entry, twice in the same
+    /// order.
     template <typename Visit>
     void fill(std::size_t tiles, const Visit& visit) {
       first.assign(tiles + 2, 0);
@@ -93,13 +95,13 @@ class VisibilityRasterizer final : public Rasterizer {
   SampleGrid grid_{};
   std::uint32_t tiles_x_ = 0, tiles_y_ = 0;
   Projected projected_;
-  std::vector<Footprint> footprints_;             // [V]
-  std::vector<std::uint32_t> first_block_;        // [V+1]
-  std::vector<std::uint32_t> block_instance_;     // [blocks]
-  std::vector<std::uint32_t> order_;              // [V] near to far
-  std::vector<InstanceShade> shades_;             // [V]
+  std::vector<Footprint> footprints_;          // [V]
+  std::vector<std::uint32_t> first_block_;     // [V+1]
+  std::vector<std::uint32_t> block_instance_;  // [blocks]
+  std::vector<std::uint32_t> order_;           // [V] near to far
+  std::vector<InstanceShade> shades_;          // [V]
   Bins bins_, blob_bins_, caster_bins_;
-  std::vector<Blob> blobs_;                       // [V]
+  std::vector<Blob> blobs_;  // [V]
   std::vector<std::uint32_t> casters_;
   std::vector<BatchVertex> shadow_vertices_;
   std::vector<std::uint32_t> shadow_indices_;
@@ -145,9 +147,9 @@ absl::Status VisibilityRasterizer::upload(std::shared_ptr<const Cast> cast) {
         info.mask_levels = static_cast<std::int32_t>(character.tint_mask.level_count);
       }
       if (store.texels.size() > 0x7fffffffULL) {
-        return absl::ResourceExhaustedError(
-            absl::StrCat("visibility upload: textures have ", store.texels.size(),
-                         " texels, at most ", 0x7fffffff));
+        return absl::ResourceExhaustedError(absl::StrCat("visibility upload: textures have ",
+                                                         store.texels.size(), " texels, at most ",
+                                                         0x7fffffff));
       }
       store.infos.push_back(info);
       std::uint8_t flags = 0;
@@ -167,8 +169,8 @@ absl::Status VisibilityRasterizer::check(const FrameGeometry& geometry,
                                          const Viewport& viewport) const {
   if (viewport.width_px < 1 || viewport.width_px > kMaxSidePx || viewport.height_px < 1 ||
       viewport.height_px > kMaxSidePx) {
-    return absl::InvalidArgumentError(absl::StrCat("visibility draw: viewport is ", viewport.width_px,
-                                                   "x", viewport.height_px,
+    return absl::InvalidArgumentError(absl::StrCat("visibility draw: viewport is ",
+                                                   viewport.width_px, "x", viewport.height_px,
                                                    " px, each side must be 1 to ", kMaxSidePx));
   }
   const std::size_t count = geometry.instances.size();
@@ -184,9 +186,8 @@ absl::Status VisibilityRasterizer::check(const FrameGeometry& geometry,
         geometry.vertices.size(), " vertices and ", geometry.indices.size() / 3, " triangles"));
   }
   if (geometry.vertices.size() > 0x7fffffffULL / 6 || geometry.indices.size() > 0x7fffffffULL) {
-    return absl::ResourceExhaustedError(
-        absl::StrCat("visibility draw: ", geometry.vertices.size(), " vertices, at most ",
-                     0x7fffffffULL / 6));
+    return absl::ResourceExhaustedError(absl::StrCat("visibility draw: ", geometry.vertices.size(),
+                                                     " vertices, at most ", 0x7fffffffULL / 6));
   }
   for (const VisibleInstance& instance : geometry.instances) {
     if (instance.character >= cast_->members.size()) {
@@ -222,14 +223,13 @@ absl::Status VisibilityRasterizer::number_blocks(const FrameGeometry& geometry) 
   }
   first_block_[count] = blocks;
   if (blocks > element::kMaxBlocks) {
-    return absl::ResourceExhaustedError(absl::StrCat("visibility draw: ", blocks,
-                                                     " triangle blocks, at most ",
-                                                     element::kMaxBlocks));
+    return absl::ResourceExhaustedError(absl::StrCat(
+        "visibility draw: ", blocks, " triangle blocks, at most ", element::kMaxBlocks));
   }
   block_instance_.resize(blocks);
   for (std::size_t i = 0; i < count; ++i) {
-    std::fill(block_instance_.begin() + first_block_[i], block_instance_.begin() + first_block_[i + 1],
-              static_cast<std::uint32_t>(i));
+    std::fill(block_instance_.begin() + first_block_[i],
+              block_instance_.begin() + first_block_[i + 1], static_cast<std::uint32_t>(i));
   }
   return absl::OkStatus();
 }
@@ -291,8 +291,8 @@ void VisibilityRasterizer::project_shadows(const FrameGeometry& geometry, const 
   for (std::size_t c = 0; c < casters_.size(); ++c) {
     Footprint& footprint = caster_shapes_[c].footprint;
     InstanceShade& shade = shades_[casters_[c]];
-    footprint = project_vertices(grid_, shadow_vertices_.data(), first_vertex[c], first_vertex[c + 1],
-                                 shadow_projected_);
+    footprint = project_vertices(grid_, shadow_vertices_.data(), first_vertex[c],
+                                 first_vertex[c + 1], shadow_projected_);
     if (footprint.clipped) {
       // reaches behind the eye: a soft blob instead
       footprint.x_high = footprint.x_low - 1;
@@ -351,8 +351,9 @@ void VisibilityRasterizer::bin_shadows(const SceneFrame& scene, const Viewport& 
   blob_rectangles_ = std::move(rectangles);
 }
 
-void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, int tile_x_px, int tile_y_px,
-                                         int width, int height, TileScratch& scratch) const {
+void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, int tile_x_px,
+                                         int tile_y_px, int width, int height,
+                                         TileScratch& scratch) const {
   ShadeItems& items = scratch.items;
   items.count = 0;
   for (int y = 0; y < height; ++y) {
@@ -401,7 +402,8 @@ void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, int tile
 }
 
 void VisibilityRasterizer::add_background(const SceneFrame& scene, std::size_t tile, int tile_x_px,
-                                          int tile_y_px, int width, int height, TileScratch& scratch,
+                                          int tile_y_px, int width, int height,
+                                          TileScratch& scratch,
                                           const FrameGeometry& geometry) const {
   std::memset(scratch.missing, 0, sizeof(scratch.missing));
   if (scene.shadows && !geometry.instances.empty()) {
@@ -411,8 +413,8 @@ void VisibilityRasterizer::add_background(const SceneFrame& scene, std::size_t t
       TileCounters ignored;
       for (const std::uint32_t c : casters) {
         const Caster& caster = caster_shapes_[c];
-        const InstanceTriangles triangles{shadow_indices_.data() + caster.first_index, caster.triangles,
-                                          0, true, false};
+        const InstanceTriangles triangles{shadow_indices_.data() + caster.first_index,
+                                          caster.triangles, 0, true, false};
         draw_instance(triangles, shadow_projected_, shadow_vertices_.data(), grid_, tile_x_px * 2,
                       tile_y_px * 2, scratch.shadow, ignored);
       }
@@ -425,8 +427,10 @@ void VisibilityRasterizer::add_background(const SceneFrame& scene, std::size_t t
     }
     for (const std::uint32_t i : blob_bins_.of(tile)) {
       const Footprint& f = blob_rectangles_[i];
-      const int x0 = std::max(0, f.x_low / 2 - tile_x_px), x1 = std::min(width - 1, f.x_high / 2 - tile_x_px);
-      const int y0 = std::max(0, f.y_low / 2 - tile_y_px), y1 = std::min(height - 1, f.y_high / 2 - tile_y_px);
+      const int x0 = std::max(0, f.x_low / 2 - tile_x_px),
+                x1 = std::min(width - 1, f.x_high / 2 - tile_x_px);
+      const int y0 = std::max(0, f.y_low / 2 - tile_y_px),
+                y1 = std::min(height - 1, f.y_high / 2 - tile_y_px);
       // whole rows of the tile: vectors start where the tile does, so no pixel depends on f
       if (x0 > x1) continue;
       for (int y = y0; y <= y1; ++y) {
@@ -446,14 +450,15 @@ void VisibilityRasterizer::add_background(const SceneFrame& scene, std::size_t t
     for (int c = 0; c < 3; ++c) {
       float* out = scratch.rgb[c] + y * kTilePx;
       const float* missing = scratch.missing + y * kTilePx;
-      for (int x = 0; x < width; ++x) out[x] += share[x] * (scratch.row[c][x] * (1.0F - missing[x]));
+      for (int x = 0; x < width; ++x)
+        out[x] += share[x] * (scratch.row[c][x] * (1.0F - missing[x]));
     }
   }
 }
 
 void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneFrame& scene,
-                                     const Viewport& viewport, std::size_t tile, TileScratch& scratch,
-                                     Picture& picture) const {
+                                     const Viewport& viewport, std::size_t tile,
+                                     TileScratch& scratch, Picture& picture) const {
   const int tile_x_px = static_cast<int>(tile % tiles_x_) * kTilePx;
   const int tile_y_px = static_cast<int>(tile / tiles_x_) * kTilePx;
   const int width = std::min(kTilePx, static_cast<int>(viewport.width_px) - tile_x_px);
@@ -468,16 +473,17 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
     std::uint64_t since_refresh = 0;
     for (const std::uint32_t i : bins_.of(tile)) {
       const Footprint& f = footprints_[i];
-      if (!f.clipped && hidden(scratch.planes, std::max(f.x_low - tile_x, 0), std::max(f.y_low - tile_y, 0),
-                               std::min(f.x_high - tile_x, kTileSamples - 1),
-                               std::min(f.y_high - tile_y, kTileSamples - 1), f.depth_high)) {
+      if (!f.clipped &&
+          hidden(scratch.planes, std::max(f.x_low - tile_x, 0), std::max(f.y_low - tile_y, 0),
+                 std::min(f.x_high - tile_x, kTileSamples - 1),
+                 std::min(f.y_high - tile_y, kTileSamples - 1), f.depth_high)) {
         ++scratch.counters.hidden;
         continue;
       }
       const std::uint32_t first = geometry.triangle_offset[i];
-      const InstanceTriangles triangles{geometry.indices.data() + std::size_t{3} * first,
-                                        geometry.triangle_offset[i + 1] - first, first_block_[i],
-                                        double_sided_[geometry.instances[i].character] != 0, f.clipped};
+      const InstanceTriangles triangles{
+          geometry.indices.data() + std::size_t{3} * first, geometry.triangle_offset[i + 1] - first,
+          first_block_[i], double_sided_[geometry.instances[i].character] != 0, f.clipped};
       draw_instance(triangles, projected_, geometry.vertices.data(), grid_, tile_x, tile_y,
                     scratch.planes, scratch.counters);
       ++scratch.counters.instances;
@@ -507,7 +513,8 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
         picture.rgbx.data() + 4 * (static_cast<std::size_t>(tile_y_px + y) * picture.width_px +
                                    static_cast<std::size_t>(tile_x_px));
     for (int x = 0; x < width; ++x) {
-      for (int c = 0; c < 3; ++c) out[4 * x + c] = srgb_from_linear(scratch.rgb[c][y * kTilePx + x]);
+      for (int c = 0; c < 3; ++c)
+        out[4 * x + c] = srgb_from_linear(scratch.rgb[c][y * kTilePx + x]);
       out[4 * x + 3] = 255;
     }
   }
@@ -542,8 +549,8 @@ absl::Status VisibilityRasterizer::draw(const FrameGeometry& geometry, const Cam
       draw_tile(geometry, scene, viewport, tile, *scratch_[worker], picture);
     });
   } catch (const std::bad_alloc&) {
-    return absl::ResourceExhaustedError(absl::StrCat("visibility draw: no memory for ",
-                                                     viewport.width_px, "x", viewport.height_px, " px"));
+    return absl::ResourceExhaustedError(absl::StrCat(
+        "visibility draw: no memory for ", viewport.width_px, "x", viewport.height_px, " px"));
   }
   return absl::OkStatus();
 }

@@ -24,18 +24,19 @@ struct TextureStore {
 
 /// What is shaded in one tile: one item for each pixel and instance seen in it.
 struct ShadeItems {
-  static constexpr std::size_t kMost = 4096 + 16;  // four samples a pixel, and room for whole vectors
+  static constexpr std::size_t kMost =
+      4096 + 16;                             // four samples a pixel, and room for whole vectors
   alignas(64) std::int32_t triangle[kMost];  // first corner's place in FrameGeometry::indices
   alignas(64) std::int32_t instance[kMost];  // visible list
   alignas(64) float x_px[kMost], y_px[kMost];
   alignas(64) float weight[kMost];
-  alignas(64) std::uint16_t pixel[kMost];    // of the tile
-  alignas(64) float rgb[3][kMost];           // out: tone-mapped, linear
+  alignas(64) std::uint16_t pixel[kMost];  // of the tile
+  alignas(64) float rgb[3][kMost];         // out: tone-mapped, linear
   std::size_t count = 0;
 };
 
-/// Shading of agents: perspective-correct corners' mean, texture, tints, sun and sky, haze. The same
-/// formulas as gl/shaders.cpp.
+/// Shading of agents: perspective-correct corners' mean, texture, tints, sun and sky, haze. The
+/// same formulas as gl/shaders.cpp.
 void shade_items(const SceneFrame& scene, const FrameGeometry& geometry,
                  const InstanceShade* shades, const TextureStore& textures, ShadeItems& items);
 
@@ -46,10 +47,10 @@ void shade_background(const SceneFrame& scene, int x_px, int y_px, int count, fl
 /// A soft shadow's place on the ground.
 struct Blob {
   glm::vec2 feet_relative;
-  glm::vec2 away;         // unit, from the sun
-  float meter;            // one metre of a figure of 1.75 m
-  float reach;            // length of the shadow, in those metres
-  float contact, body;    // strengths
+  glm::vec2 away;       // unit, from the sun
+  float meter;          // one metre of a figure of 1.75 m
+  float reach;          // length of the shadow, in those metres
+  float contact, body;  // strengths
 };
 Blob make_blob(const SceneFrame& scene, const InstanceShade& shade);
 

@@ -37,12 +37,15 @@ HWY_INLINE V3 Sub3(const V3& a, const V3& b) {
 HWY_INLINE V3 Add3(const V3& a, const V3& b) {
   return {hn::Add(a.x, b.x), hn::Add(a.y, b.y), hn::Add(a.z, b.z)};
 }
-HWY_INLINE V3 Scale3(const V3& a, F s) { return {hn::Mul(a.x, s), hn::Mul(a.y, s), hn::Mul(a.z, s)}; }
+HWY_INLINE V3 Scale3(const V3& a, F s) {
+  return {hn::Mul(a.x, s), hn::Mul(a.y, s), hn::Mul(a.z, s)};
+}
 HWY_INLINE F Dot3(const V3& a, const V3& b) {
   return hn::Add(hn::Add(hn::Mul(a.x, b.x), hn::Mul(a.y, b.y)), hn::Mul(a.z, b.z));
 }
 HWY_INLINE V3 Cross3(const V3& a, const V3& b) {
-  return {hn::Sub(hn::Mul(a.y, b.z), hn::Mul(a.z, b.y)), hn::Sub(hn::Mul(a.z, b.x), hn::Mul(a.x, b.z)),
+  return {hn::Sub(hn::Mul(a.y, b.z), hn::Mul(a.z, b.y)),
+          hn::Sub(hn::Mul(a.z, b.x), hn::Mul(a.x, b.z)),
           hn::Sub(hn::Mul(a.x, b.y), hn::Mul(a.y, b.x))};
 }
 HWY_INLINE F Clamp01(F v) { return hn::Min(hn::Max(v, hn::Zero(FloatTag())), Set(1.0F)); }
@@ -92,8 +95,8 @@ HWY_INLINE V3 ToneMap(V3 color) {
   const F above = hn::Add(hn::Sub(peak, start), Set(room));
   const F new_peak = hn::Sub(Set(1.0F), hn::Div(Set(room * room), above));
   const F ratio = hn::Div(new_peak, hn::Max(peak, Set(1e-6F)));
-  const F whiten =
-      hn::Sub(Set(1.0F), hn::Div(Set(1.0F), hn::Add(Times(hn::Sub(peak, new_peak), 0.15F), Set(1.0F))));
+  const F whiten = hn::Sub(
+      Set(1.0F), hn::Div(Set(1.0F), hn::Add(Times(hn::Sub(peak, new_peak), 0.15F), Set(1.0F))));
   const auto mapped = [&](F c) HWY_ATTR {
     const F scaled = hn::Mul(c, ratio);
     return hn::IfThenElse(bright, Lerp(scaled, new_peak, whiten), c);
@@ -111,7 +114,8 @@ HWY_INLINE V3 Haze(const SceneFrame& scene, const V3& color, F distance_m) {
 /// Octahedral snorm16 pair in one word to a vector (not unit length).
 HWY_INLINE V3 Octahedral(I packed) {
   const FloatTag df;
-  const F x = Times(hn::ConvertTo(df, hn::ShiftRight<16>(hn::ShiftLeft<16>(packed))), 1.0F / 32767.0F);
+  const F x =
+      Times(hn::ConvertTo(df, hn::ShiftRight<16>(hn::ShiftLeft<16>(packed))), 1.0F / 32767.0F);
   const F y = Times(hn::ConvertTo(df, hn::ShiftRight<16>(packed)), 1.0F / 32767.0F);
   const F z = hn::Sub(hn::Sub(Set(1.0F), hn::Abs(x)), hn::Abs(y));
   const F fold = hn::Max(hn::Neg(z), hn::Zero(df));
@@ -160,7 +164,8 @@ HWY_INLINE Rgba Bilinear(const std::uint32_t* texels, I first, I width, I height
     return Times(hn::ConvertTo(df, hn::BitCast(di, sum)), 1.0F / (65536.0F * 255.0F));
   };
   return {mix(t00, t10, t01, t11),
-          mix(hn::ShiftRight<8>(t00), hn::ShiftRight<8>(t10), hn::ShiftRight<8>(t01), hn::ShiftRight<8>(t11)),
+          mix(hn::ShiftRight<8>(t00), hn::ShiftRight<8>(t10), hn::ShiftRight<8>(t01),
+              hn::ShiftRight<8>(t11)),
           mix(hn::ShiftRight<16>(t00), hn::ShiftRight<16>(t10), hn::ShiftRight<16>(t01),
               hn::ShiftRight<16>(t11)),
           mix(hn::ShiftRight<24>(t00), hn::ShiftRight<24>(t10), hn::ShiftRight<24>(t01),
@@ -169,7 +174,8 @@ HWY_INLINE Rgba Bilinear(const std::uint32_t* texels, I first, I width, I height
 
 /// The cubic of element::linear_from_srgb.
 HWY_INLINE F Linear(F srgb) {
-  const F q = hn::Add(hn::Mul(srgb, hn::Add(Times(srgb, 0.305306011F), Set(0.682171111F))), Set(0.012522878F));
+  const F q = hn::Add(hn::Mul(srgb, hn::Add(Times(srgb, 0.305306011F), Set(0.682171111F))),
+                      Set(0.012522878F));
   return hn::Mul(srgb, q);
 }
 
@@ -189,8 +195,8 @@ HWY_INLINE V3 Unpack(U bits) {
 struct Level {
   std::int32_t first, width, height;
 };
-inline Level LevelOf(std::int32_t first, std::int32_t width, std::int32_t height, std::int32_t levels,
-                     std::int32_t level) {
+inline Level LevelOf(std::int32_t first, std::int32_t width, std::int32_t height,
+                     std::int32_t levels, std::int32_t level) {
   level = std::min(std::max(level, 0), levels - 1);
   for (; level > 0; --level) {
     first += width * height;
@@ -200,8 +206,8 @@ inline Level LevelOf(std::int32_t first, std::int32_t width, std::int32_t height
   return {first, width, height};
 }
 
-void ShadeItemsImpl(const SceneFrame& scene, const FrameGeometry& geometry, const InstanceShade* shades,
-                    const TextureStore& textures, ShadeItems& items) {
+void ShadeItemsImpl(const SceneFrame& scene, const FrameGeometry& geometry,
+                    const InstanceShade* shades, const TextureStore& textures, ShadeItems& items) {
   const FloatTag df;
   const IntTag di;
   const UintTag du;
@@ -233,7 +239,8 @@ void ShadeItemsImpl(const SceneFrame& scene, const FrameGeometry& geometry, cons
     };
     const V3 ray = along(scene.ray_direction, scene.ray_direction_x, scene.ray_direction_y);
     V3 origin{hn::Zero(df), hn::Zero(df), hn::Zero(df)};
-    if (scene.orthographic) origin = along(scene.ray_origin, scene.ray_origin_x, scene.ray_origin_y);
+    if (scene.orthographic)
+      origin = along(scene.ray_origin, scene.ray_origin_x, scene.ray_origin_y);
     const I v0 = hn::Mul(hn::GatherIndex(di, indices, triangle), vertex_stride);
     const I v1 = hn::Mul(hn::GatherIndex(di, indices + 1, triangle), vertex_stride);
     const I v2 = hn::Mul(hn::GatherIndex(di, indices + 2, triangle), vertex_stride);
@@ -264,7 +271,9 @@ void ShadeItemsImpl(const SceneFrame& scene, const FrameGeometry& geometry, cons
     const I uv1 = hn::GatherIndex(di, vertex_words + 4, v1);
     const I uv2 = hn::GatherIndex(di, vertex_words + 4, v2);
     const I low_half = hn::Set(di, 0xffff);
-    const auto u_of = [&](I uv) HWY_ATTR { return Times(hn::ConvertTo(df, hn::And(uv, low_half)), 1.0F / 65535.0F); };
+    const auto u_of = [&](I uv) HWY_ATTR {
+      return Times(hn::ConvertTo(df, hn::And(uv, low_half)), 1.0F / 65535.0F);
+    };
     const auto v_of = [&](I uv) HWY_ATTR {
       return Times(hn::ConvertTo(df, hn::And(hn::ShiftRight<16>(uv), low_half)), 1.0F / 65535.0F);
     };
@@ -272,8 +281,9 @@ void ShadeItemsImpl(const SceneFrame& scene, const FrameGeometry& geometry, cons
     const F w0 = v_of(uv0), w1 = hn::Sub(v_of(uv1), w0), w2 = hn::Sub(v_of(uv2), w0);
     const F u = hn::Add(u0, hn::Add(hn::Mul(u1, b1), hn::Mul(u2, b2)));
     const F v = hn::Add(w0, hn::Add(hn::Mul(w1, b1), hn::Mul(w2, b2)));
-    // mip level from areas: texture covered over pixels covered. The triangle's shadow on the picture
-    // is |ray . (e1 x e2)| / distance^2, `distance` being along the ray (its forward part is 1).
+    // mip level from areas: texture covered over pixels covered. The triangle's shadow on the
+    // picture is |ray . (e1 x e2)| / distance^2, `distance` being along the ray (its forward part
+    // is 1).
     const F distance = hn::Mul(Dot3(e2, q), inverse);
     F area_px = hn::Mul(hn::Abs(determinant), Set(scene.px_per_tangent * scene.px_per_tangent));
     if (!scene.orthographic) area_px = hn::Div(area_px, hn::Max(hn::Mul(distance, distance), tiny));
@@ -289,17 +299,18 @@ void ShadeItemsImpl(const SceneFrame& scene, const FrameGeometry& geometry, cons
       const auto pick = [&](std::int32_t texels_wide) {
         int log2_width = 0;
         while ((texels_wide >> (log2_width + 1)) != 0) ++log2_width;
-        return static_cast<std::int32_t>(std::floor(level_float[lane] + static_cast<float>(log2_width) + 0.5F));
+        return static_cast<std::int32_t>(
+            std::floor(level_float[lane] + static_cast<float>(log2_width) + 0.5F));
       };
-      const Level base = LevelOf(info.base_first, info.base_width, info.base_height, info.base_levels,
-                                 pick(info.base_width));
+      const Level base = LevelOf(info.base_first, info.base_width, info.base_height,
+                                 info.base_levels, pick(info.base_width));
       first[0][lane] = base.first;
       width[0][lane] = base.width;
       height[0][lane] = base.height;
       if (info.mask_first >= 0) {
         any_mask = true;
-        const Level mask = LevelOf(info.mask_first, info.mask_width, info.mask_height, info.mask_levels,
-                                   pick(info.mask_width));
+        const Level mask = LevelOf(info.mask_first, info.mask_width, info.mask_height,
+                                   info.mask_levels, pick(info.mask_width));
         first[1][lane] = mask.first;
         width[1][lane] = mask.width;
         height[1][lane] = mask.height;
@@ -310,8 +321,8 @@ void ShadeItemsImpl(const SceneFrame& scene, const FrameGeometry& geometry, cons
       level_int[lane] = first[1][lane] < 0 ? 0 : 1;
       first[1][lane] = std::max(first[1][lane], 0);
     }
-    const Rgba base = Bilinear(textures.texels.data(), hn::Load(di, first[0]), hn::Load(di, width[0]),
-                               hn::Load(di, height[0]), u, v);
+    const Rgba base = Bilinear(textures.texels.data(), hn::Load(di, first[0]),
+                               hn::Load(di, width[0]), hn::Load(di, height[0]), u, v);
     V3 albedo{Linear(base.r), Linear(base.g), Linear(base.b)};
     const U channel = hn::GatherIndex(du, shade_words + 9, instance);
     const auto has_channel = hn::Ne(channel, hn::Set(du, kNoChannel));
@@ -323,7 +334,9 @@ void ShadeItemsImpl(const SceneFrame& scene, const FrameGeometry& geometry, cons
       mask.g = hn::Mul(mask.g, masked);
       mask.b = hn::Mul(mask.b, masked);
       mask.a = hn::Mul(mask.a, masked);
-      const F rest = hn::Max(hn::Zero(df), hn::Sub(Set(1.0F), hn::Add(hn::Add(mask.r, mask.g), hn::Add(mask.b, mask.a))));
+      const F rest =
+          hn::Max(hn::Zero(df),
+                  hn::Sub(Set(1.0F), hn::Add(hn::Add(mask.r, mask.g), hn::Add(mask.b, mask.a))));
       V3 tint{rest, rest, rest};
       const F* weights[4] = {&mask.r, &mask.g, &mask.b, &mask.a};
       for (int region = 0; region < 4; ++region) {
@@ -333,18 +346,21 @@ void ShadeItemsImpl(const SceneFrame& scene, const FrameGeometry& geometry, cons
       albedo = {hn::Mul(albedo.x, tint.x), hn::Mul(albedo.y, tint.y), hn::Mul(albedo.z, tint.z)};
     }
     if (!hn::AllFalse(du, has_channel)) {
-      const F luma = hn::Add(hn::Add(Times(Linear(base.r), 0.2126F), Times(Linear(base.g), 0.7152F)),
-                             Times(Linear(base.b), 0.0722F));
+      const F luma =
+          hn::Add(hn::Add(Times(Linear(base.r), 0.2126F), Times(Linear(base.g), 0.7152F)),
+                  Times(Linear(base.b), 0.0722F));
       const V3 color = Scale3(Unpack(channel), hn::Add(Times(hn::Sqrt(luma), 0.45F), Set(0.55F)));
       const auto chosen = hn::RebindMask(df, has_channel);
-      albedo = {hn::IfThenElse(chosen, color.x, albedo.x), hn::IfThenElse(chosen, color.y, albedo.y),
+      albedo = {hn::IfThenElse(chosen, color.x, albedo.x),
+                hn::IfThenElse(chosen, color.y, albedo.y),
                 hn::IfThenElse(chosen, color.z, albedo.z)};
     }
 
     // light
     V3 n = Octahedral(hn::GatherIndex(di, vertex_words + 3, v0));
-    n = Add3(Scale3(n, b0), Add3(Scale3(Octahedral(hn::GatherIndex(di, vertex_words + 3, v1)), b1),
-                                 Scale3(Octahedral(hn::GatherIndex(di, vertex_words + 3, v2)), b2)));
+    n = Add3(Scale3(n, b0),
+             Add3(Scale3(Octahedral(hn::GatherIndex(di, vertex_words + 3, v1)), b1),
+                  Scale3(Octahedral(hn::GatherIndex(di, vertex_words + 3, v2)), b2)));
     n = Unit3(n);
     // a triangle seen from behind (double sided): its front is what was drawn counter-clockwise
     const auto behind = hn::Lt(determinant, hn::Zero(df));
@@ -399,7 +415,8 @@ HWY_INLINE F Iota(int x_px) {
   return hn::Add(hn::Iota(df, 0.0F), Set(static_cast<float>(x_px) + 0.5F));
 }
 
-void ShadeBackground(const SceneFrame& scene, int x_px, int y_px, int count, float* r, float* g, float* b) {
+void ShadeBackground(const SceneFrame& scene, int x_px, int y_px, int count, float* r, float* g,
+                     float* b) {
   const FloatTag df;
   const int lanes = static_cast<int>(hn::Lanes(df));
   const float y = static_cast<float>(y_px) + 0.5F;
@@ -424,7 +441,8 @@ void ShadeBackground(const SceneFrame& scene, int x_px, int y_px, int count, flo
       const F height = below_ground ? hn::Min(up, Set(-0.02F)) : up;
       const auto positive = hn::Ge(height, hn::Zero(df));
       const F above_t = hn::Sub(Set(1.0F), Exp2Negative(Times(Clamp01(height), -4.5F)));
-      const F below_t = hn::Sub(Set(1.0F), Exp2Negative(Times(hn::Min(height, hn::Zero(df)), 6.0F)));
+      const F below_t =
+          hn::Sub(Set(1.0F), Exp2Negative(Times(hn::Min(height, hn::Zero(df)), 6.0F)));
       const auto sky = [&](float horizon, float zenith, float low) HWY_ATTR {
         const F a = Lerp(Set(horizon), Set(zenith), above_t);
         const F d = Lerp(Set(horizon), Set(low), below_t);
@@ -438,22 +456,28 @@ void ShadeBackground(const SceneFrame& scene, int x_px, int y_px, int count, flo
       const F safe_z = hn::IfThenElse(hit, ray.z, Set(1.0F));
       const F inverse_z = hn::Div(Set(1.0F), safe_z);
       const F t = hn::Mul(to_plane, inverse_z);
-      const F tx = hn::Neg(hn::Mul(hn::Add(Set(scene.ray_origin_x.z), Times(t, scene.ray_direction_x.z)), inverse_z));
-      const F ty = hn::Neg(hn::Mul(hn::Add(Set(scene.ray_origin_y.z), Times(t, scene.ray_direction_y.z)), inverse_z));
+      const F tx = hn::Neg(hn::Mul(
+          hn::Add(Set(scene.ray_origin_x.z), Times(t, scene.ray_direction_x.z)), inverse_z));
+      const F ty = hn::Neg(hn::Mul(
+          hn::Add(Set(scene.ray_origin_y.z), Times(t, scene.ray_direction_y.z)), inverse_z));
       const auto width = [&](float ox, float dx, float oy, float dy, F ray_c) HWY_ATTR {
         const F step_x = hn::Add(hn::Add(Set(ox), Times(t, dx)), hn::Mul(ray_c, tx));
         const F step_y = hn::Add(hn::Add(Set(oy), Times(t, dy)), hn::Mul(ray_c, ty));
         return hn::Max(hn::Add(hn::Abs(step_x), hn::Abs(step_y)), Set(1e-5F));
       };
-      const F wx = width(scene.ray_origin_x.x, scene.ray_direction_x.x, scene.ray_origin_y.x, scene.ray_direction_y.x, ray.x);
-      const F wy = width(scene.ray_origin_x.y, scene.ray_direction_x.y, scene.ray_origin_y.y, scene.ray_direction_y.y, ray.y);
+      const F wx = width(scene.ray_origin_x.x, scene.ray_direction_x.x, scene.ray_origin_y.x,
+                         scene.ray_direction_y.x, ray.x);
+      const F wy = width(scene.ray_origin_x.y, scene.ray_direction_x.y, scene.ray_origin_y.y,
+                         scene.ray_direction_y.y, ray.y);
       const F px = hn::Add(hn::Add(origin.x, hn::Mul(ray.x, t)), Set(scene.grid_eye.x));
       const F py = hn::Add(hn::Add(origin.y, hn::Mul(ray.y, t)), Set(scene.grid_eye.y));
       const F fine_x = LineCover(px, wx, 1.0F, 0.010F), fine_y = LineCover(py, wy, 1.0F, 0.010F);
-      const F strong_x = LineCover(px, wx, 10.0F, 0.028F), strong_y = LineCover(py, wy, 10.0F, 0.028F);
+      const F strong_x = LineCover(px, wx, 10.0F, 0.028F),
+              strong_y = LineCover(py, wy, 10.0F, 0.028F);
       const F metre = hn::Sub(hn::Add(fine_x, fine_y), hn::Mul(fine_x, fine_y));
       const F ten = hn::Sub(hn::Add(strong_x, strong_y), hn::Mul(strong_x, strong_y));
-      const F paint = hn::Mul(hn::Sub(Set(1.0F), Times(metre, 0.38F)), hn::Sub(Set(1.0F), Times(ten, 0.66F)));
+      const F paint =
+          hn::Mul(hn::Sub(Set(1.0F), Times(metre, 0.38F)), hn::Sub(Set(1.0F), Times(ten, 0.66F)));
       glm::vec3 light = scene.sun_color * std::max(scene.sun_direction.z, 0.0F) + scene.sky_color;
       if (scene.ground_relative_m >= 0.0F) light = scene.ground_light;
       light *= scene.ground_color;
@@ -475,7 +499,8 @@ void ShadeBackground(const SceneFrame& scene, int x_px, int y_px, int count, flo
   }
 }
 
-void ShadeBlob(const SceneFrame& scene, const Blob& blob, int x_px, int y_px, int count, float* missing) {
+void ShadeBlob(const SceneFrame& scene, const Blob& blob, int x_px, int y_px, int count,
+               float* missing) {
   const FloatTag df;
   const int lanes = static_cast<int>(hn::Lanes(df));
   const float y = static_cast<float>(y_px) + 0.5F;
@@ -492,8 +517,10 @@ void ShadeBlob(const SceneFrame& scene, const Blob& blob, int x_px, int y_px, in
     const F to_plane = hn::Sub(Set(scene.ground_relative_m), origin.z);
     const auto down = hn::Lt(ray.z, Set(-1e-6F));
     const F t = hn::Div(to_plane, hn::IfThenElse(down, ray.z, Set(-1.0F)));
-    const F gx = Times(hn::Sub(hn::Add(origin.x, hn::Mul(ray.x, t)), Set(blob.feet_relative.x)), per_meter);
-    const F gy = Times(hn::Sub(hn::Add(origin.y, hn::Mul(ray.y, t)), Set(blob.feet_relative.y)), per_meter);
+    const F gx =
+        Times(hn::Sub(hn::Add(origin.x, hn::Mul(ray.x, t)), Set(blob.feet_relative.x)), per_meter);
+    const F gy =
+        Times(hn::Sub(hn::Add(origin.y, hn::Mul(ray.y, t)), Set(blob.feet_relative.y)), per_meter);
     const F far_along = hn::Add(Times(gx, blob.away.x), Times(gy, blob.away.y));
     const F across = hn::Sub(Times(gy, blob.away.x), Times(gx, blob.away.y));
     const F squared = hn::Add(hn::Mul(far_along, far_along), hn::Mul(across, across));
@@ -504,7 +531,8 @@ void ShadeBlob(const SceneFrame& scene, const Blob& blob, int x_px, int y_px, in
     const F off_squared = hn::Add(hn::Mul(off, off), hn::Mul(across, across));
     const F width = hn::Add(Set(0.20F), Times(share, 0.14F));
     F body = Clamp01(hn::Sub(Set(1.0F), hn::Div(off_squared, hn::Mul(width, width))));
-    body = hn::Mul(hn::Mul(body, hn::Sub(Set(2.0F), body)), Times(hn::Sub(Set(0.50F), Times(share, 0.20F)), blob.body));
+    body = hn::Mul(hn::Mul(body, hn::Sub(Set(2.0F), body)),
+                   Times(hn::Sub(Set(0.50F), Times(share, 0.20F)), blob.body));
     const F raised = hn::IfThenElseZero(down, hn::Max(contact, body));
     hn::StoreU(hn::Max(hn::LoadU(df, missing + i), raised), df, missing + i);
   }
@@ -521,8 +549,8 @@ HWY_EXPORT(ShadeItemsImpl);
 HWY_EXPORT(ShadeBackground);
 HWY_EXPORT(ShadeBlob);
 
-void shade_items(const SceneFrame& scene, const FrameGeometry& geometry, const InstanceShade* shades,
-                 const TextureStore& textures, ShadeItems& items) {
+void shade_items(const SceneFrame& scene, const FrameGeometry& geometry,
+                 const InstanceShade* shades, const TextureStore& textures, ShadeItems& items) {
   HWY_DYNAMIC_DISPATCH(ShadeItemsImpl)(scene, geometry, shades, textures, items);
 }
 
@@ -544,7 +572,8 @@ Blob make_blob(const SceneFrame& scene, const InstanceShade& shade) {
   blob.away = flat_length > 1e-4F ? away / flat_length : glm::vec2(1.0F, 0.0F);
   blob.meter = shade.height_m / 1.75F;
   blob.reach = 1.75F * std::min(flat_length / std::max(scene.sun_direction.z, 0.05F), 3.0F);
-  const float distance_m = scene.orthographic ? 1e-3F : std::max(glm::length(shade.feet_relative), 1e-3F);
+  const float distance_m =
+      scene.orthographic ? 1e-3F : std::max(glm::length(shade.feet_relative), 1e-3F);
   const float slope = std::min(std::abs(scene.ground_relative_m) / distance_m, 1.0F);
   const float seen = (1.0F - std::exp2(-55.0F * slope)) * std::exp2(-distance_m / 1800.0F);
   blob.contact = seen;
