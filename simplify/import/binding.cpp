@@ -15,6 +15,19 @@ double distance(const glm::dmat4& a, const glm::dmat4& b) {
   return std::sqrt(sum);
 }
 
+double volume(const glm::dmat4& matrix) { return std::abs(glm::determinant(glm::dmat3(matrix))); }
+
+/// True when two frames differ by less than about six degrees.
+bool turns_little(const glm::dmat4& a, const glm::dmat4& b) {
+  double difference = 0.0;
+  double size = 0.0;
+  for (int c = 0; c < 3; ++c) {
+    difference = std::max(difference, glm::length(glm::dvec3(a[c] - b[c])));
+    size = std::max(size, glm::length(glm::dvec3(a[c])));
+  }
+  return difference < 0.1 * size;
+}
+
 /// The candidate with the smallest weighted distance to all others.
 std::optional<glm::dmat4> medoid(std::span<const glm::dmat4> candidates,
                                  std::span<const double> weight) {
@@ -69,7 +82,7 @@ std::uint32_t Bindings::find_or_add(std::uint32_t node, const glm::dmat4& joint_
 Bindings::PlacedSkin Bindings::place_skin(const Scene& scene,
                                           std::span<const glm::dmat4> rest_world, const Skin& skin,
                                           std::span<const glm::dmat4> inverse_bind,
-                                          std::span<const double> weight) {
+                                          std::span<const double> weight, std::uint32_t mesh_node) {
   // the heaviest joints decide; more than these would only cost quadratic time
   constexpr std::size_t kMaxVoters = 64;
   std::vector<std::size_t> voters(skin.joints.size());
@@ -104,6 +117,15 @@ Bindings::PlacedSkin Bindings::place_skin(const Scene& scene,
       votes.push_back(weight[j]);
     }
     frame = medoid(candidates, votes);
+    const bool is_bind_pose = frame.has_value() && std::all_of(candidates.begin(), candidates.end(),
+                                                               [&](const auto& other) {
+                                                                 return turns_little(*frame, other);
+                                                               });
+    if (frame.has_value() && !is_bind_pose) {
+      const double ratio = volume(rest_world[mesh_node]) / volume(*frame);
+      if (is_invertible(rest_world[mesh_node]) && ratio > 0.5 && ratio < 2.0)
+        frame = rest_world[mesh_node];
+    }
   }
   placed.bind_from_mesh = frame.value_or(glm::dmat4(1.0));
   const glm::dmat4 mesh_from_bind = glm::inverse(placed.bind_from_mesh);

@@ -25,7 +25,8 @@ struct Binding {
 /// character in a pose near its rest pose. For a skin with inverse bind matrices B_j, any
 /// invertible M gives the same picture: points M p and matrices B_j M^-1. M is chosen as that W_j
 /// B_j (W: rest pose) which is closest to all others, so that where the rest pose is the bind pose
-/// the points are just the rest pose.
+/// the points are just the rest pose. Where it isn't (the file was saved in the middle of a clip),
+/// M is the mesh node's own transform, which exporters leave at the bind pose's.
 class Bindings {
  public:
   /// @param tolerance_units  by how much two bind matrices of a joint may differ and still be one.
@@ -38,9 +39,10 @@ class Bindings {
   };
 
   /// @param inverse_bind, weight  for each joint of the skin; weight is what all vertices give it.
+  /// @param mesh_node  of a mesh that wears the skin.
   PlacedSkin place_skin(const Scene& scene, std::span<const glm::dmat4> rest_world,
                         const Skin& skin, std::span<const glm::dmat4> inverse_bind,
-                        std::span<const double> weight);
+                        std::span<const double> weight, std::uint32_t mesh_node);
 
   struct PlacedPart {
     glm::dmat4 bind_from_mesh{1.0};

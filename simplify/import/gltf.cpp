@@ -144,27 +144,35 @@ std::vector<glm::dvec3> skinned(const MergedMesh& mesh, const std::vector<glm::d
   return result;
 }
 
-/// Where a character stands in a pose: the ground below it, between its feet.
-glm::dvec3 footing(const Document& document, const Scene& scene,
-                   const std::vector<glm::dvec3>& points, const Box& box,
-                   const std::vector<glm::dmat4>& world, const glm::dmat4& axes) {
-  if (const std::optional<Humanoid> humanoid = find_humanoid(document, scene);
-      humanoid.has_value() && humanoid->foot[0] != kNone && humanoid->foot[1] != kNone) {
-    const glm::dvec4 ankles = 0.5 * (world[static_cast<std::size_t>(humanoid->foot[0])][3] +
-                                     world[static_cast<std::size_t>(humanoid->foot[1])][3]);
-    const glm::dvec3 middle(axes * ankles);
-    // a foot joint outside the character is a control, not a foot
-    if (middle.x >= box.low.x && middle.x <= box.high.x && middle.y >= box.low.y &&
-        middle.y <= box.high.y) {
-      return {middle.x, middle.y, box.low.z};
+/// Where a character stands in a pose: the ground below its feet, and between them.
+glm::dvec3 footing(const Document& document, const Scene& scene, const MergedMesh& mesh,
+                   const std::vector<glm::dvec3>& points) {
+  Box box;
+  for (const glm::dvec3& point : points) box.add(point);
+  // the feet of a human are what its foot joints and those below them move; a sword may hang lower
+  std::vector<char> is_foot(scene.order.size(), 0);
+  if (const std::optional<Humanoid> humanoid = find_humanoid(document, scene)) {
+    for (const std::int32_t foot : humanoid->foot) {
+      if (foot != kNone) is_foot[static_cast<std::size_t>(foot)] = 1;
+    }
+    for (const std::uint32_t node : scene.order) {
+      const std::int32_t parent = scene.parent[node];
+      if (parent != kNone && is_foot[static_cast<std::size_t>(parent)] != 0) is_foot[node] = 1;
     }
   }
-  Box low;
-  const double band = box.low.z + 0.05 * (box.high.z - box.low.z);
-  for (const glm::dvec3& point : points) {
-    if (point.z <= band) low.add(point);
+  Box feet;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (is_foot[mesh.bindings[mesh.points[i].binding[0]].node] != 0) feet.add(points[i]);
   }
-  return {0.5 * (low.low.x + low.high.x), 0.5 * (low.low.y + low.high.y), box.low.z};
+  // a control that is called a foot moves nothing near the ground
+  if (feet.low.z > box.low.z + 0.3 * (box.high.z - box.low.z)) feet = Box{};
+  if (!(feet.low.z <= feet.high.z)) {
+    const double band = box.low.z + 0.05 * (box.high.z - box.low.z);
+    for (const glm::dvec3& point : points) {
+      if (point.z <= band) feet.add(point);
+    }
+  }
+  return {0.5 * (feet.low.x + feet.high.x), 0.5 * (feet.low.y + feet.high.y), feet.low.z};
 }
 
 /// True when the pose at the end is the pose at the start, root motion aside.
@@ -314,10 +322,11 @@ absl::StatusOr<SourceCharacter> import_document(const Document& document,
   Box box;
   for (const glm::dvec3& point : points) box.add(point);
   const glm::dvec3 size = box.high - box.low;
-  const double height = size.z;
   if (!(std::max({size.x, size.y, size.z}) <= 1e9)) {
     return absl::InvalidArgumentError("its vertices lie beyond 1e9 in the first pose");
   }
+  const glm::dvec3 origin = footing(document, scene, *mesh, points);
+  const double height = box.high.z - origin.z;
   double scale = 1.0;
   if (options.height_m.has_value()) {
     if (height < 1e-9)
@@ -327,7 +336,6 @@ absl::StatusOr<SourceCharacter> import_document(const Document& document,
     character.notes.push_back(
         absl::StrCat("is ", height, " m tall; for a person pass --height 1.75"));
   }
-  const glm::dvec3 origin = footing(document, scene, points, box, world, axes);
   glm::dmat4 model_from_axes(scale);
   model_from_axes[3] = glm::dvec4(-scale * origin, 1.0);
   const glm::dmat4 model_from_root = model_from_axes * axes;

@@ -345,11 +345,11 @@ absl::StatusOr<MergedMesh> merge_meshes(const Document& document, const Scene& s
 
   // skins first: what hangs on their joints takes their bind pose
   std::vector<std::vector<double>> weight(document.skins.size());
-  std::vector<char> is_used(document.skins.size(), 0);
+  std::vector<std::int32_t> wearer(document.skins.size(), kNone);  // a node with the skin's mesh
   for (const Instance& instance : *instances) {
     if (instance.skin == kNone) continue;
     const std::size_t skin = static_cast<std::size_t>(instance.skin);
-    is_used[skin] = 1;
+    if (wearer[skin] == kNone) wearer[skin] = static_cast<std::int32_t>(instance.node);
     weight[skin].resize(document.skins[skin].joints.size(), 0.0);
     for (const Influence& influence : instance.data.influences) {
       weight[skin][influence.joint] += static_cast<double>(influence.weight);
@@ -358,7 +358,7 @@ absl::StatusOr<MergedMesh> merge_meshes(const Document& document, const Scene& s
   Bindings bindings(document.nodes.size(), 1e-3 * extent_of(*instances, rest_world));
   std::vector<Placement> placed_skins(document.skins.size());
   for (std::size_t s = 0; s < document.skins.size(); ++s) {
-    if (is_used[s] == 0) continue;
+    if (wearer[s] == kNone) continue;
     const absl::StatusOr<std::vector<glm::dmat4>> inverse_bind =
         read_inverse_binds(document, document.skins[s]);
     if (!inverse_bind.ok()) {
@@ -366,7 +366,8 @@ absl::StatusOr<MergedMesh> merge_meshes(const Document& document, const Scene& s
           absl::StrCat("skin ", s, " ", inverse_bind.status().message()));
     }
     Bindings::PlacedSkin placed =
-        bindings.place_skin(scene, rest_world, document.skins[s], *inverse_bind, weight[s]);
+        bindings.place_skin(scene, rest_world, document.skins[s], *inverse_bind, weight[s],
+                            static_cast<std::uint32_t>(wearer[s]));
     placed_skins[s] = Placement{placed.bind_from_mesh, std::move(placed.binding)};
   }
 
