@@ -141,6 +141,11 @@ class Publisher:
         """The meaning of `headings` told to `connect`."""
         return self._axes.yaw
 
+    @property
+    def channels(self) -> Tuple[str, ...]:
+        """Names of the numbers that agents carry; empty until the first frame if `connect` was told none."""
+        return tuple(self._channels)
+
     def expect_rate(self, rate_hz: float) -> None:
         """Tells how many frames per second of scene time will come, unless `connect` or a frame before did."""
         if self._rate_hz is None and self._newest_us is None and math.isfinite(rate_hz) and rate_hz > 0:
@@ -244,7 +249,7 @@ def connect(url: Optional[str] = None, crowd: str = "default", *, channels: Chan
             origin: Optional[Sequence[float]] = None, unit: Union[str, float] = "m", up: str = "z",
             handed: str = "right", yaw: str = "ccw_rad", rate_hz: Optional[float] = None,
             run_id: Optional[str] = None, token: Optional[str] = None, tls_ca: Optional[str] = None,
-            producer: str = "", seed: int = 0, take_over: bool = False, queue_frames: int = 32,
+            producer: str = "", seed: int = 0, take_over: bool = False, queue_frames: int = 256,
             queue_bytes: int = 64 << 20) -> Publisher:
     """Makes a publisher of one crowd. The connection itself is made in the background, by the first frame.
 

@@ -1,0 +1,56 @@
+"""The SUMO helper with the real SUMO. Left out where eclipse-sumo is not installed: it is 0.5 GB."""
+
+import os
+import subprocess
+
+import numpy as np
+import pytest
+
+import throng
+from throng.sumo import PersonPublisher
+
+sumo = pytest.importorskip("sumo", reason="eclipse-sumo is not installed")
+
+ROUTES = """<routes>
+  <personFlow id="walker" begin="0" end="20" period="2"><walk from="A0B0" to="B1B2"/></personFlow>
+</routes>"""
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("town")
+    netgenerate = os.path.join(sumo.SUMO_HOME, "bin", "netgenerate")
+    subprocess.run([netgenerate, "--grid", "--grid.number", "3", "--grid.length", "60", "--sidewalks.guess", "true",
+                    "--crossings.guess", "true", "-o", folder / "town.net.xml"], check=True, capture_output=True)
+    (folder / "walk.rou.xml").write_text(ROUTES)
+    return ["-n", str(folder / "town.net.xml"), "-r", str(folder / "walk.rou.xml"), "--step-length", "0.5",
+            "--no-step-log"]
+
+
+@pytest.mark.parametrize("library", ["traci", "libsumo"])
+def test_walkers_are_published_with_names_positions_and_headings(server, town, library):
+    traci = pytest.importorskip(library)
+    traci.start([os.path.join(sumo.SUMO_HOME, "bin", "sumo"), *town])
+    try:
+        with throng.connect(server.url, queue_frames=1000) as pub:
+            persons = PersonPublisher(pub, traci)
+            seen = []
+            for _ in range(60):
+                traci.simulationStep()
+                assert persons.publish()
+                seen.append({name: traci.person.getPosition(name) for name in traci.person.getIDList()})
+    finally:
+        traci.close()
+    assert pub.stats.errors == 0 and len(server.frames) == 60
+    for frame, positions in zip(server.frames, seen):
+        assert sorted(frame.names) == sorted(positions)
+        for name, position in zip(frame.names, frame.positions):
+            np.testing.assert_allclose(position[:2], positions[name], rtol=1e-5)
+    assert server.frames[-1].ids[0] == throng.hash_id(server.frames[-1].names[0])
+    assert [channel.name for channel in server.starts[0].channels] == ["speed"]
+    # The heading is where the walker goes.
+    before, after = server.frames[20], server.frames[21]
+    name = before.names[0]
+    step = after.positions[after.names.index(name)] - before.positions[0]
+    heading = after.headings[after.names.index(name)]
+    assert np.cos(heading - np.arctan2(step[1], step[0])) > 0.7
