@@ -1,0 +1,154 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "support/image_compare.hpp"
+#include "support/tiny_character.hpp"
+#include "throng/render/frame.hpp"
+
+namespace throng::render {
+namespace {
+
+std::shared_ptr<const Cast> tiny_cast() {
+  Cast cast;
+  for (const glm::u8vec3 color : {glm::u8vec3{200, 120, 60}, glm::u8vec3{90, 140, 210}}) {
+    absl::StatusOr<Character> character =
+        make_character(test::make_tiny_character({.name = "tiny", .color = color}));
+    EXPECT_TRUE(character.ok()) << character.status();
+    cast.members.push_back({*std::move(character), 1.0F});
+  }
+  return std::make_shared<const Cast>(std::move(cast));
+}
+
+/// People in rows from y = 0 on, `apart` metres from each other.
+void push_rows(Crowd& crowd, int columns, int rows, float apart) {
+  auto membership = std::make_shared<Membership>();
+  AgentFrame frame;
+  for (int row = 0; row < rows; ++row) {
+    for (int column = 0; column < columns; ++column) {
+      membership->ids.push_back(static_cast<std::uint64_t>(row * columns + column + 1));
+      frame.position_m.emplace_back((static_cast<float>(column) - 0.5F * static_cast<float>(columns - 1)) * apart,
+                                    static_cast<float>(row) * apart, 0.0F);
+      frame.heading_rad.push_back(0.7F * static_cast<float>(row + column));
+    }
+  }
+  membership->epoch = 1;
+  frame.membership = membership;
+  ASSERT_TRUE(crowd.push(frame).ok());
+}
+
+Picture rendered(const std::shared_ptr<const Cast>& cast, const Crowd& crowd, RasterKind raster,
+                 unsigned threads, const ViewSettings& view) {
+  auto pipeline = FramePipeline::make(cast, {.raster = raster, .threads = threads});
+  EXPECT_TRUE(pipeline.ok()) << pipeline.status();
+  Picture picture;
+  FrameStats stats;
+  const absl::Status status = (*pipeline)->render(crowd, 0, view, picture, stats);
+  EXPECT_TRUE(status.ok()) << status;
+  return picture;
+}
+
+ViewSettings looking_north(std::uint32_t width, std::uint32_t height) {
+  ViewSettings view;
+  view.camera = {.eye_world = {0, -6, 3}, .target_world = {0, 4, 1}};
+  view.viewport = {width, height};
+  return view;
+}
+
+TEST(VisibilityRasterizerTest, NumberOfThreadsDoesNotMatter) {
+  const auto cast = tiny_cast();
+  Crowd crowd(cast, {});
+  push_rows(crowd, 30, 40, 0.8F);
+  const ViewSettings view = looking_north(333, 217);
+  const Picture one = rendered(cast, crowd, RasterKind::kVisibility, 1, view);
+  for (const unsigned threads : {2U, 7U}) {
+    EXPECT_EQ(one.rgbx, rendered(cast, crowd, RasterKind::kVisibility, threads, view).rgbx) << threads;
+  }
+}
+
+TEST(VisibilityRasterizerTest, WhoIsBehindAWallChangesNothing) {
+  // a row of people shoulder to shoulder and the same with a thousand more behind its middle
+  const auto cast = tiny_cast();
+  ViewSettings view;
+  view.camera = {.eye_world = {0, -3, 0.9}, .target_world = {0, 0, 0.9}, .fov_y_rad = 0.5};
+  view.viewport = {96, 96};
+  view.look.shadows = false;
+  view.selection.vertex_budget = 1'000'000'000;
+  const auto wall = [](bool crowded) {
+    auto membership = std::make_shared<Membership>();
+    AgentFrame frame;
+    const auto add = [&](std::uint64_t id, float x, float y) {
+      membership->ids.push_back(id);
+      membership->characters.push_back(0);
+      frame.position_m.emplace_back(x, y, 0.0F);
+      frame.heading_rad.push_back(0.0F);
+    };
+    for (int i = -20; i <= 20; ++i) add(static_cast<std::uint64_t>(100 + i), 0.1F * static_cast<float>(i), 0.0F);
+    for (int i = 0; crowded && i < 1000; ++i) {
+      add(static_cast<std::uint64_t>(1000 + i), 0.02F * static_cast<float>(i % 20 - 10),
+          3.0F + 0.05F * static_cast<float>(i / 20));
+    }
+    membership->epoch = 1;
+    frame.membership = membership;
+    return frame;
+  };
+  Crowd alone(cast, {}), crowded(cast, {});
+  ASSERT_TRUE(alone.push(wall(false)).ok());
+  ASSERT_TRUE(crowded.push(wall(true)).ok());
+  EXPECT_EQ(rendered(cast, alone, RasterKind::kVisibility, 2, view).rgbx,
+            rendered(cast, crowded, RasterKind::kVisibility, 2, view).rgbx);
+}
+
+TEST(VisibilityRasterizerTest, EverySizeIsDrawn) {
+  const auto cast = tiny_cast();
+  Crowd crowd(cast, {});
+  push_rows(crowd, 5, 5, 1.0F);
+  for (const auto& [width, height] : std::vector<std::pair<std::uint32_t, std::uint32_t>>{
+           {1, 1}, {31, 33}, {64, 64}, {65, 1}, {1280, 720}, {3840, 2160}}) {
+    const Picture picture = rendered(cast, crowd, RasterKind::kVisibility, 2, looking_north(width, height));
+    ASSERT_EQ(picture.rgbx.size(), std::size_t{4} * width * height);
+    for (std::size_t i = 3; i < picture.rgbx.size(); i += 4) ASSERT_EQ(picture.rgbx[i], 255);
+  }
+}
+
+TEST(VisibilityRasterizerTest, RefusesWhatCanNotBeDrawn) {
+  auto rasterizer = make_rasterizer(RasterKind::kVisibility, 1);
+  ASSERT_TRUE(rasterizer.ok());
+  Picture picture;
+  EXPECT_EQ((*rasterizer)->draw({}, {}, {0, 5}, {}, {}, picture).code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ((*rasterizer)->draw({}, {}, {5, 16385}, {}, {}, picture).code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ((*rasterizer)->upload(nullptr).code(), absl::StatusCode::kInvalidArgument);
+  const std::vector<VisibleInstance> instances(1);
+  FrameGeometry geometry;
+  geometry.instances = instances;
+  EXPECT_EQ((*rasterizer)->draw(geometry, {}, {5, 5}, {}, {}, picture).code(),
+            absl::StatusCode::kFailedPrecondition);
+  ASSERT_TRUE((*rasterizer)->upload(tiny_cast()).ok());
+  EXPECT_EQ((*rasterizer)->draw(geometry, {}, {5, 5}, {}, {}, picture).code(),
+            absl::StatusCode::kInvalidArgument);
+}
+
+TEST(VisibilityRasterizerTest, ShowsWhatGlShows) {
+  const auto cast = tiny_cast();
+  if (auto gl = make_rasterizer(RasterKind::kGl); !gl.ok()) GTEST_SKIP() << gl.status().message();
+  Crowd crowd(cast, {});
+  push_rows(crowd, 12, 12, 1.2F);
+  ViewSettings views[4] = {looking_north(640, 360), looking_north(640, 360), looking_north(320, 320),
+                           looking_north(640, 360)};
+  views[1].camera = {.eye_world = {3, 4, 9}, .target_world = {3, 4.1, 0}};                 // from above
+  views[2].camera = {.eye_world = {0, 4, 20}, .target_world = {0, 4, 0}, .ortho_height_m = 14.0};
+  views[3].camera = {.eye_world = {0.3, 0.2, 1.0}, .target_world = {2, 8, 1}};             // inside somebody
+  for (const ViewSettings& view : views) {
+    const Picture gl = rendered(cast, crowd, RasterKind::kGl, 2, view);
+    const Picture visibility = rendered(cast, crowd, RasterKind::kVisibility, 2, view);
+    const test::ImageDifference difference = test::compare_images(gl.rgbx, visibility.rgbx);
+    // other sample positions at edges, other mip level choice inside; the rest agrees
+    EXPECT_LT(difference.mean, 1.5) << &view - views;
+    EXPECT_LT(difference.share_over_8, 0.12) << &view - views;
+    EXPECT_GT(difference.psnr_db, 28.0) << &view - views;
+  }
+}
+
+}  // namespace
+}  // namespace throng::render
