@@ -1,0 +1,254 @@
+#include "simplify/bake/clips.hpp"
+
+#include <absl/strings/str_cat.h>
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+#include "simplify/collapse/collapse.hpp"
+
+namespace throng::simplify {
+namespace {
+
+using render::Affine;
+using render::ClipKind;
+
+Affine affine(const glm::mat4& matrix) {
+  const glm::mat4 rows = glm::transpose(matrix);
+  return {{rows[0], rows[1], rows[2]}};
+}
+
+bool is_finite(const Affine& matrix) {
+  for (const glm::vec4& row : matrix.row) {
+    for (int i = 0; i < 4; ++i) {
+      if (!(std::fabs(row[i]) <= 1.0e6F)) return false;
+    }
+  }
+  return true;
+}
+
+void move(std::span<Affine> frame, const glm::vec3& by) {
+  for (Affine& matrix : frame) {
+    for (int i = 0; i < 3; ++i) matrix.row[i].w += by[i];
+  }
+}
+
+float median(std::vector<float> values) {
+  if (values.empty()) return 0.0F;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// One clip while it is prepared; frames [F][J].
+class Preparer {
+ public:
+  Preparer(const SourceCharacter& source, float height_m)
+      : joints_(source.joints.size()), height_m_(height_m) {
+    // evenly spaced points of the whole body, and of what may be legs
+    const std::size_t stride = std::max<std::size_t>(1, source.points.size() / 500);
+    for (std::size_t i = 0; i < source.points.size(); i += stride)
+      body_.push_back(source.points[i]);
+    std::vector<SourcePoint> low;
+    for (const SourcePoint& point : source.points) {
+      if (point.position.z < 0.2F * height_m) low.push_back(point);
+    }
+    const std::size_t low_stride = std::max<std::size_t>(1, low.size() / 1500);
+    for (std::size_t i = 0; i < low.size(); i += low_stride) legs_.push_back(low[i]);
+    if (legs_.empty()) legs_ = body_;
+  }
+
+  std::span<Affine> frame(std::vector<Affine>& palette, std::size_t f) const {
+    return std::span(palette).subspan(f * joints_, joints_);
+  }
+
+  glm::vec3 body_centre(std::span<const Affine> palette) const {
+    std::vector<glm::vec3> position(body_.size());
+    skin(body_, palette, position);
+    glm::vec3 sum(0.0F);
+    for (const glm::vec3& each : position) sum += each;
+    return sum / static_cast<float>(position.size());
+  }
+
+  /// Takes out the way of one cycle and a repeated last frame. Returns the way's length in metres.
+  float remove_root_motion(std::vector<Affine>& palette, bool loop) const {
+    std::size_t frames = palette.size() / joints_;
+    if (frames < 2) return 0.0F;
+    glm::vec3 way = body_centre(frame(palette, frames - 1)) - body_centre(frame(palette, 0));
+    way.z = 0.0F;
+    const float least_way_m = 0.06F * height_m_;
+    const bool is_moving = glm::length(way) > least_way_m;
+
+    // is the last frame the first one again, apart from the way?
+    float difference = 0.0F;
+    const auto first = frame(palette, 0), last = frame(palette, frames - 1);
+    for (std::size_t j = 0; j < joints_; ++j) {
+      for (int i = 0; i < 3; ++i) {
+        const glm::vec4 delta =
+            last[j].row[i] - first[j].row[i] - glm::vec4(0, 0, 0, is_moving ? way[i] : 0.0F);
+        difference = std::max(
+            difference, std::max(std::fabs(delta.w) / height_m_, glm::length(glm::vec3(delta))));
+      }
+    }
+    const bool is_repeated = loop && frames > 2 && difference < 0.004F;
+    const auto intervals = static_cast<float>(frames - 1);
+    if (is_repeated) {
+      --frames;
+      palette.resize(frames * joints_);
+    }
+    if (!is_moving) return 0.0F;
+    for (std::size_t f = 0; f < frames; ++f)
+      move(frame(palette, f), -way * (static_cast<float>(f) / intervals));
+    // without the repeated frame the step from the last frame to the first is one more interval
+    return glm::length(way) * (is_repeated ? 1.0F : (intervals + 1.0F) / intervals);
+  }
+
+  /// Speed of the ground under the stance foot in m/s, and puts the clip on the ground.
+  struct Stance {
+    float speed_mps = 0.0F;
+    float ground_m = 0.0F;  // height of the sole over z = 0
+  };
+  Stance measure_stance(std::vector<Affine>& palette, float rate_hz, bool loop) const {
+    const std::size_t frames = palette.size() / joints_;
+    std::vector<std::vector<glm::vec3>> position(frames, std::vector<glm::vec3>(legs_.size()));
+    std::vector<float> lowest_m(frames);
+    for (std::size_t f = 0; f < frames; ++f) {
+      skin(legs_, frame(palette, f), position[f]);
+      lowest_m[f] = position[f][0].z;
+      for (const glm::vec3& each : position[f]) lowest_m[f] = std::min(lowest_m[f], each.z);
+    }
+    Stance stance;
+    stance.ground_m = median(lowest_m);
+    std::vector<float> speeds;
+    const float contact_m = 0.012F * height_m_;
+    for (std::size_t f = 0; f + (loop ? 0 : 1) < frames && frames > 1; ++f) {
+      // a frame in the air has no stance
+      if (lowest_m[f] > stance.ground_m + 2.0F * contact_m) continue;
+      const auto& now = position[f];
+      const auto& next = position[(f + 1) % frames];
+      glm::vec2 sum(0.0F);
+      int count = 0;
+      for (std::size_t i = 0; i < now.size(); ++i) {
+        if (now[i].z > lowest_m[f] + contact_m || next[i].z > lowest_m[f] + 2.0F * contact_m)
+          continue;
+        sum += glm::vec2(next[i]) - glm::vec2(now[i]);
+        ++count;
+      }
+      if (count > 0) speeds.push_back(-sum.x / static_cast<float>(count) * rate_hz);
+    }
+    stance.speed_mps = median(speeds);
+    return stance;
+  }
+
+ private:
+  std::size_t joints_;
+  float height_m_;
+  std::vector<SourcePoint> body_, legs_;
+};
+
+absl::Status check(const SourceClip& clip, std::size_t joints) {
+  if (clip.frame_count < 1 ||
+      clip.model_from_joint.size() != std::size_t{clip.frame_count} * joints) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("clip ", clip.name, " has ", clip.model_from_joint.size(),
+                     " matrices, must have ", clip.frame_count, " frames x ", joints, " joints"));
+  }
+  if (!(clip.rate_hz > 0.0F && clip.rate_hz <= 1000.0F)) {
+    return absl::InvalidArgumentError(absl::StrCat("clip ", clip.name, " has rate ", clip.rate_hz,
+                                                   " Hz, must be over 0 and at most 1000"));
+  }
+  if (!(clip.stride_m >= 0.0F && clip.stride_m <= 1000.0F)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("clip ", clip.name, " has stride ", clip.stride_m, " m"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<BakedClips> bake_clips(const SourceCharacter& source,
+                                      std::vector<std::string>& notes) {
+  BakedClips result;
+  const std::size_t joints = source.joints.size();
+  float height_m = 0.0F;
+  for (const SourcePoint& point : source.points) height_m = std::max(height_m, point.position.z);
+  if (!(height_m > 0.0F)) height_m = 1.0F;
+
+  if (source.clips.empty()) {
+    notes.push_back("no clip: stands in its bind pose");
+    result.clips.push_back({"rest", ClipKind::kIdle, 0, 1, 30.0F, true, 0.0F, 0.0F});
+    result.palette.assign(joints, affine(glm::mat4(1.0F)));
+    return result;
+  }
+
+  const Preparer preparer(source, height_m);
+  for (const SourceClip& clip : source.clips) {
+    if (auto status = check(clip, joints); !status.ok()) return status;
+    std::vector<Affine> palette(clip.model_from_joint.size());
+    for (std::size_t i = 0; i < palette.size(); ++i) {
+      palette[i] = affine(clip.model_from_joint[i] * source.joints[i % joints].joint_from_model);
+      if (!is_finite(palette[i])) {
+        return absl::InvalidArgumentError(
+            absl::StrCat("clip ", clip.name, ": frame ", i / joints, " joint ", i % joints, " (",
+                         source.joints[i % joints].name, ") is not finite"));
+      }
+    }
+
+    const float way_m = preparer.remove_root_motion(palette, clip.loop);
+    const auto frames = static_cast<std::uint32_t>(palette.size() / joints);
+    const float duration_s = static_cast<float>(frames) / clip.rate_hz;
+    const Preparer::Stance stance = preparer.measure_stance(palette, clip.rate_hz, clip.loop);
+    const float speed_mps = way_m > 0.0F ? way_m / duration_s : std::max(0.0F, stance.speed_mps);
+
+    // kind: said, named, or measured; speeds scale with the root of leg length (Froude)
+    ClipKind kind = clip.kind != ClipKind::kOther ? clip.kind : kind_from_name(clip.name);
+    const float size = std::sqrt(height_m / 1.75F);
+    if (kind == ClipKind::kOther && is_generic_name(clip.name) && frames > 2) {
+      kind = speed_mps > 2.3F * size    ? ClipKind::kRun
+             : speed_mps > 0.25F * size ? ClipKind::kWalk
+                                        : ClipKind::kIdle;
+      notes.push_back(absl::StrCat("clip ", clip.name.empty() ? "(no name)" : clip.name,
+                                   ": taken for ",
+                                   kind == ClipKind::kRun    ? "run"
+                                   : kind == ClipKind::kWalk ? "walk"
+                                                             : "idle",
+                                   " by its speed of ", speed_mps, " m/s"));
+    }
+
+    const bool is_gait = kind == ClipKind::kWalk || kind == ClipKind::kRun;
+    float stride_m = clip.stride_m;
+    if (stride_m == 0.0F && way_m > 0.0F) stride_m = way_m;
+    if (stride_m == 0.0F && is_gait) {
+      stride_m = speed_mps * duration_s;
+      if (stride_m < 0.1F * height_m) {
+        stride_m = (kind == ClipKind::kRun ? 1.4F : 0.8F) * height_m;
+        notes.push_back(absl::StrCat("clip ", clip.name, ": no stance foot found, stride taken as ",
+                                     stride_m, " m"));
+      }
+    }
+    const bool is_on_ground = is_gait || kind == ClipKind::kIdle;
+    if (is_on_ground && std::fabs(stance.ground_m) < 0.15F * height_m) {
+      if (std::fabs(stance.ground_m) > 0.03F * height_m) {
+        notes.push_back(absl::StrCat("clip ", clip.name, ": moved by ", -stance.ground_m,
+                                     " m to stand on the ground"));
+      }
+      move(palette, {0, 0, -stance.ground_m});
+    }
+
+    render::Clip baked;
+    baked.name = clip.name;
+    baked.kind = kind;
+    baked.first_frame = static_cast<std::uint32_t>(result.palette.size() / joints);
+    baked.frame_count = frames;
+    baked.rate_hz = clip.rate_hz;
+    baked.loop = clip.loop;
+    baked.stride_m = stride_m;
+    baked.speed_mps = stride_m / duration_s;
+    result.clips.push_back(std::move(baked));
+    result.palette.insert(result.palette.end(), palette.begin(), palette.end());
+  }
+  return result;
+}
+
+}  // namespace throng::simplify

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <span>
+
+#include "simplify/collapse/wedges.hpp"
+
+namespace throng::simplify {
+
+/// What a collapse does to texture, normals and joint weights, as a distance on the surface: a cost
+/// of area times squared metres, so that it adds to the position cost.
+class AttributeCost {
+ public:
+  AttributeCost(const WedgeMesh& mesh, float size_m);
+
+  /// Cost in m^4 of the triangle whose corner of point a moves to point b.
+  /// The uv that the triangle's own mapping would have at b is compared with that of the wedge
+  /// which takes the place: the difference, on the surface, is how far the texture slides. Where
+  /// the move crosses a seam, the colours seen before and after are compared instead.
+  float triangle_cost(std::uint32_t triangle, std::uint32_t a, std::uint32_t b,
+                      const WedgeMove& move) const;
+
+  /// True if the texture on the triangle would be mirrored by the move.
+  bool mirrors(std::uint32_t triangle, std::uint32_t a, const WedgeMove& move) const;
+
+  /// Squared metres: how differently the joints move two points.
+  float joint_cost(std::uint32_t a, std::uint32_t b) const;
+
+ private:
+  glm::vec3 color_at(const glm::vec2& uv) const;
+  float color_difference(const std::array<glm::vec2, 3>& before,
+                         const std::array<glm::vec2, 3>& after) const;
+
+  const WedgeMesh& mesh_;
+  float size_m_;
+  float metres_per_uv_;  // of the whole surface
+  std::uint32_t color_width_px_ = 0, color_height_px_ = 0;
+  std::span<const std::uint8_t> color_;  // a small mip level
+};
+
+}  // namespace throng::simplify

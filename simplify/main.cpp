@@ -1,0 +1,179 @@
+// throng-bake: flags and wiring; the work is in bake/.
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <filesystem>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "simplify/bake/export_obj.hpp"
+#include "simplify/bake/inspect.hpp"
+#include "simplify/bake/jobs.hpp"
+
+namespace {
+
+enum ExitCode { kOk = 0, kInternal = 1, kUsage = 2, kBadInput = 3, kUnwritable = 5 };
+
+int exit_code(const absl::Status& status) {
+  switch (status.code()) {
+    case absl::StatusCode::kOk:
+      return kOk;
+    case absl::StatusCode::kInternal:
+      return kInternal;
+    case absl::StatusCode::kUnavailable:
+      return kUnwritable;
+    default:
+      return kBadInput;
+  }
+}
+
+int fail(const absl::Status& status) {
+  std::fprintf(stderr, "throng-bake: error: %s\n", std::string(status.message()).c_str());
+  return exit_code(status);
+}
+
+constexpr const char* kFooter = R"(Examples:
+  throng-bake --builtin -o cast                     the cast that comes with throng
+  throng-bake guest.glb host.glb -o cast            adds two characters to the folder
+  throng-bake giant.glb --height 1.75 -o cast       scales to the height of a person
+  throng-bake plain.glb --clips moves.glb -o cast   takes clips from another file
+  throng-bake inspect cast/guest.throng --json
+  throng-bake export cast/guest.throng --vertices 200 -o lod.obj
+
+Inputs that did not change since they were baked into the folder are left alone.
+Exit codes: 0 done, 1 internal error, 2 usage, 3 an input is bad (the others are baked), 5 not writable.)";
+
+/// One line that is written over on a terminal; nothing elsewhere.
+class ProgressLine {
+ public:
+  void clear() {
+    if (is_terminal_ && shown_ >= 0) std::fputs("\r\033[K", stderr);
+    shown_ = -1;
+  }
+  void show(float share) {
+    const int percent = static_cast<int>(share * 100.0F);
+    if (!is_terminal_ || percent == shown_) return;
+    shown_ = percent;
+    std::fprintf(stderr, "\rbaking %3d %%", percent);
+    std::fflush(stderr);
+  }
+
+ private:
+  bool is_terminal_ = ::isatty(STDERR_FILENO) != 0;
+  int shown_ = -1;
+};
+
+int run_bake(throng::simplify::JobOptions& options) {
+  ProgressLine progress;
+  options.say = [&](const std::string& line) {
+    progress.clear();
+    std::fprintf(stderr, "%s\n", line.c_str());
+  };
+  options.on_progress = [&](float share) { progress.show(share); };
+  throng::simplify::JobSummary summary;
+  const absl::Status status = throng::simplify::run_jobs(options, summary);
+  progress.clear();
+  if (!status.ok()) return fail(status);
+  std::fprintf(stderr, "%d baked, %d unchanged, %d failed; cast in %s\n", summary.baked,
+               summary.unchanged, summary.failed, options.folder.c_str());
+  if (summary.is_internal) return kInternal;
+  if (summary.is_unwritable) return kUnwritable;
+  return summary.failed > 0 ? kBadInput : kOk;
+}
+
+int run_inspect(const std::vector<std::string>& paths, bool as_json) {
+  int code = kOk;
+  for (const std::string& path : paths) {
+    const auto character = throng::render::read_character(path);
+    if (!character.ok()) {
+      code = fail(character.status());
+      continue;
+    }
+    const std::uint64_t bytes = std::filesystem::file_size(path);
+    const std::string text = as_json ? throng::simplify::inspect_json(*character, bytes)
+                                     : throng::simplify::inspect_text(*character, bytes);
+    std::fputs(text.c_str(), stdout);
+  }
+  return code;
+}
+
+int run_export(const std::string& path, std::uint32_t vertices, const std::string& out) {
+  const auto character = throng::render::read_character(path);
+  if (!character.ok()) return fail(character.status());
+  const absl::Status status = throng::simplify::export_obj(*character, vertices, out);
+  return status.ok() ? kOk : fail(status);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app(
+      "Bakes animated characters into what throng draws: one mesh with every level of detail,\n"
+      "its skeleton, clips and texture.");
+  app.footer(kFooter);
+
+  throng::simplify::JobOptions options;
+  options.jobs = std::max(1U, std::thread::hardware_concurrency());
+  std::string criterion = "throng";
+  std::vector<std::string> inputs;
+  app.add_option("inputs", inputs, "glTF 2.0 files (.glb, .gltf)");
+  app.add_flag("--builtin", options.builtin, "Bake the built-in cast");
+  app.add_option("-o,--out", options.folder, "Folder of the cast");
+  app.add_option("--name", options.name, "Name of the character, for one input");
+  app.add_option("--clips", options.clip_files,
+                 "Files whose clips are added, matched by joint name")
+      ->take_all()
+      ->expected(1);
+  app.add_option("--height", options.bake.height_m, "Scale to this height, metres")
+      ->check(CLI::Range(0.01, 1000.0));
+  app.add_option("--criterion", criterion, "What decides on collapses")
+      ->check(CLI::IsMember({"throng", "peng2011"}))
+      ->capture_default_str();
+  app.add_option("--poses", options.bake.max_poses, "Poses that the default criterion looks at")
+      ->check(CLI::Range(1, 256))
+      ->capture_default_str();
+  app.add_option("--coarsest", options.bake.coarsest_count, "Vertices of the coarsest level")
+      ->check(CLI::Range(4, 100000))
+      ->capture_default_str();
+  app.add_option("--texture", options.bake.rebuild.max_texture_px, "Widest texture, pixels")
+      ->check(CLI::Range(16, 8192))
+      ->capture_default_str();
+  app.add_option("-j,--jobs", options.jobs, "Characters baked at a time")
+      ->check(CLI::Range(1, 256))
+      ->capture_default_str();
+  app.add_flag("--force", options.force, "Bake unchanged inputs, too");
+
+  CLI::App* inspect = app.add_subcommand("inspect", "Tells what is in baked characters");
+  std::vector<std::string> inspected;
+  bool as_json = false;
+  inspect->add_option("files", inspected, "Baked characters (.throng)")->required();
+  inspect->add_flag("--json", as_json, "As JSON, one object for each file");
+
+  CLI::App* export_level =
+      app.add_subcommand("export", "Writes one level of detail as Wavefront OBJ");
+  std::string exported, exported_to;
+  std::uint32_t vertices = 0;
+  export_level->add_option("file", exported, "Baked character (.throng)")->required();
+  export_level->add_option("--vertices", vertices, "At most so many vertices (default: all)");
+  export_level->add_option("-o,--out", exported_to, "OBJ file to write")->required();
+
+  try {
+    app.parse(argc, argv);
+    if (app.get_subcommands().empty()) {
+      if (!options.builtin && inputs.empty())
+        throw CLI::ValidationError("nothing to bake: name files or --builtin");
+      if (options.folder.empty()) throw CLI::RequiredError("-o,--out");
+    }
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? kOk : kUsage;
+  }
+  options.inputs = inputs;
+  if (criterion == "peng2011") options.bake.criterion = throng::simplify::Criterion::kPeng2011;
+
+  if (*inspect) return run_inspect(inspected, as_json);
+  if (*export_level)
+    return run_export(exported, vertices == 0 ? 0xFFFFFFFFU : vertices, exported_to);
+  return run_bake(options);
+}
