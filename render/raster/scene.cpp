@@ -57,7 +57,7 @@ SceneFrame make_scene_frame(const Camera& camera, const Viewport& viewport,
   // within the grid's period, so that shading's numbers stay small anywhere on earth
   const glm::dvec3 eye = camera.eye_world - origin_world;
   scene.grid_eye =
-      glm::vec2(eye.x - 10.0 * std::floor(eye.x / 10.0), eye.y - 10.0 * std::floor(eye.y / 10.0));
+      glm::vec2(eye.x - 20.0 * std::floor(eye.x / 20.0), eye.y - 20.0 * std::floor(eye.y / 20.0));
   return scene;
 }
 

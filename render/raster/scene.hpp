@@ -19,7 +19,7 @@ struct SceneFrame {
   // origin + origin_x * x + origin_y * y, and likewise its direction (forward component 1 m)
   glm::vec3 ray_origin, ray_origin_x, ray_origin_y;
   glm::vec3 ray_direction, ray_direction_x, ray_direction_y;
-  glm::vec2 grid_eye;    // the eye's place within the 10 m grid
+  glm::vec2 grid_eye;    // the eye's place within 20 m, the period of the ground
   float px_per_tangent;  // pixels of a metre at a distance of 1 m (perspective) or anywhere
 };
 

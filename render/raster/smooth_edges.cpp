@@ -87,7 +87,9 @@ Shift shift_of(const Brightness& at, int x, int y) {
   }
   // Single pixels and thin lines have no run to follow: they lean towards their neighbours' mean.
   const float mean = static_cast<float>(2 * (n + s + w + e) + nw + ne + sw + se) / 12.0F;
-  const float lone = std::min(std::abs(mean - static_cast<float>(m)) / static_cast<float>(contrast), 1.0F);
+  // (at a straight edge the mean is a third away, which must not blur it)
+  const float away = std::abs(mean - static_cast<float>(m)) / static_cast<float>(contrast);
+  const float lone = std::clamp(1.5F * away - 0.5F, 0.0F, 1.0F);
   const float smooth = lone * lone * (3.0F - 2.0F * lone);
   share = std::max(share, smooth * smooth * 0.6F);
   return {share, nx, ny};

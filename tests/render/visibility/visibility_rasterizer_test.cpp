@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <numbers>
 
 #include "support/image_compare.hpp"
@@ -131,6 +132,7 @@ TEST(VisibilityRasterizerTest, RefusesWhatCanNotBeDrawn) {
 
 TEST(VisibilityRasterizerTest, ShowsWhatGlShows) {
   const auto cast = tiny_cast();
+  setenv("THRONG_GL_SAMPLES", "4", 1);  // as many as the visibility rasterizer has
   if (auto gl = make_rasterizer(RasterKind::kGl); !gl.ok()) GTEST_SKIP() << gl.status().message();
   Crowd crowd(cast, {});
   push_rows(crowd, 12, 12, 1.2F);

@@ -476,8 +476,27 @@ void ShadeBackground(const SceneFrame& scene, int x_px, int y_px, int count, flo
               strong_y = LineCover(py, wy, 10.0F, 0.028F);
       const F metre = hn::Sub(hn::Add(fine_x, fine_y), hn::Mul(fine_x, fine_y));
       const F ten = hn::Sub(hn::Add(strong_x, strong_y), hn::Mul(strong_x, strong_y));
-      const F paint =
+      // slabs of a metre, no two neighbours quite alike
+      const UintTag du;
+      const auto slab = [&](F c) HWY_ATTR {
+        const F whole = hn::Floor(c);
+        const F place = hn::Sub(whole, Times(hn::Floor(Times(whole, 0.05F)), 20.0F));
+        return hn::BitCast(du, hn::ConvertTo(IntTag(), place));
+      };
+      U bits = hn::Add(
+          hn::Add(hn::Mul(slab(px), hn::Set(du, 73U)), hn::Mul(slab(py), hn::Set(du, 179U))),
+          hn::Set(du, 11U));
+      bits = hn::Mul(bits, hn::Set(du, 0x9e3779b1U));
+      bits = hn::Mul(hn::Xor(bits, hn::ShiftRight<15>(bits)), hn::Set(du, 0x85ebca6bU));
+      const F shade =
+          hn::Sub(Times(hn::ConvertTo(df, hn::BitCast(IntTag(), hn::ShiftRight<16>(bits))),
+                        1.0F / 65536.0F),
+                  Set(0.5F));
+      const F apart = Clamp01(hn::Sub(Set(1.4F), Times(hn::Max(wx, wy), 1.2F)));
+      const F tone = hn::Add(Set(1.0F), Times(hn::Mul(shade, apart), 0.08F));
+      const F lines =
           hn::Mul(hn::Sub(Set(1.0F), Times(metre, 0.38F)), hn::Sub(Set(1.0F), Times(ten, 0.66F)));
+      const F paint = hn::Mul(tone, lines);
       glm::vec3 light = scene.sun_color * std::max(scene.sun_direction.z, 0.0F) + scene.sky_color;
       if (scene.ground_relative_m >= 0.0F) light = scene.ground_light;
       light *= scene.ground_color;
