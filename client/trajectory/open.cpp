@@ -5,6 +5,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <fstream>
 
 #include "csv_split.hpp"
 #include "readers.hpp"
@@ -107,6 +108,12 @@ absl::StatusOr<std::string> format_of_text(const std::string& path, std::string_
                             "; known are ", absl::StrJoin(format_names(), ", ")));
 }
 
+bool is_gzip(const std::string& path) {
+  char magic[2] = {};
+  std::ifstream file(path, std::ios::binary);
+  return file.read(magic, 2) && magic[0] == '\x1f' && magic[1] == '\x8b';
+}
+
 absl::StatusOr<std::string> format_of(const std::string& path) {
   absl::StatusOr<std::unique_ptr<ByteSource>> source = ByteSource::open(path);
   if (!source.ok()) return source.status();
@@ -172,11 +179,21 @@ absl::StatusOr<std::unique_ptr<Reader>> open(const std::string& path, const Read
     if (!found.ok()) return found.status();
     format = *std::move(found);
   }
+  const bool binary = format == "jupedsim-sqlite" || format == "menge-scb" || format == "jupedsim-hdf5";
+  if (binary && is_gzip(path)) {
+    return fault(path, absl::StrCat("this is ", format, " inside gzip; unpack it first (gunzip)"));
+  }
   if (format == "jupedsim-sqlite") return detail::open_jupedsim_sqlite(path, options);
   if (format == "archive-text" || format == "jpscore-text" || format == "obsmat") {
     return detail::open_archive_text(path, options, format);
   }
   if (format == "csv" || absl::EndsWith(format, "-csv")) return detail::open_csv(path, options);
+  if (format == "vadere-traj") return detail::open_vadere(path, options);
+  if (format == "sumo-fcd") return detail::open_sumo_fcd(path, options);
+  if (format == "trajnet-ndjson") return detail::open_trajnet(path, options);
+  if (format == "rvo2-text") return detail::open_rvo2_text(path, options);
+  if (format == "menge-scb") return detail::open_menge_scb(path, options);
+  if (format == "jupedsim-hdf5") return detail::open_hdf5(path, options);
   return fault(path, absl::StrCat("format is ", detail::quoted(format), ", must be one of ",
                                   absl::StrJoin(format_names(), ", ")));
 }

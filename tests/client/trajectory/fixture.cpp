@@ -115,7 +115,9 @@ void survive_mutations(const std::string& good_path, const std::string& scratch_
         default: bad.insert(at, kNasty[below(std::size(kNasty))]); break;
       }
     }
-    std::ofstream(scratch_path, std::ios::binary | std::ios::trunc)
+    // A new file each time: file systems flush one that is cut to nothing and written again.
+    std::filesystem::remove(scratch_path);
+    std::ofstream(scratch_path, std::ios::binary)
         .write(bad.data(), static_cast<std::streamsize>(bad.size()));
 
     absl::StatusOr<std::unique_ptr<Reader>> reader = open(scratch_path, options);
