@@ -47,17 +47,10 @@ ExitCode exit_code(const absl::Status& status) {
   }
 }
 
-/// `auto` means gl, the rasterizer that every machine with EGL has; visibility where gl can't be had.
-absl::StatusOr<throng::render::RasterKind> choose_raster(const std::string& name) {
+throng::render::RasterKind raster_kind(const std::string& name) {
   using throng::render::RasterKind;
-  if (name == "gl") return RasterKind::kGl;
-  if (name == "visibility") return RasterKind::kVisibility;
-  const auto gl = throng::render::make_rasterizer(RasterKind::kGl);
-  if (gl.ok()) return RasterKind::kGl;
-  const auto visibility = throng::render::make_rasterizer(RasterKind::kVisibility);
-  if (!visibility.ok()) return gl.status();
-  spdlog::warn("event=raster_chosen raster=visibility why=\"{}\"", gl.status().ToString());
-  return RasterKind::kVisibility;
+  return name == "gl" ? RasterKind::kGl
+                      : (name == "visibility" ? RasterKind::kVisibility : RasterKind::kAuto);
 }
 
 void add_limits(CLI::App& app, ServerOptions& options) {
@@ -169,9 +162,7 @@ int main(int argc, char** argv) {
   auto cast = throng::render::read_cast(cast_folder);
   if (!cast.ok()) return fail(kBadInput, std::string(cast.status().message()));
   const auto shared_cast = std::make_shared<const throng::render::Cast>(*std::move(cast));
-  const auto raster_kind = choose_raster(raster);
-  if (!raster_kind.ok()) return fail(kNoDevice, std::string(raster_kind.status().message()));
-  pipeline.raster = *raster_kind;
+  pipeline.raster = raster_kind(raster);
 
   // Before any thread is made, so that all of them inherit it and only the wait below sees signals.
   sigset_t signals;

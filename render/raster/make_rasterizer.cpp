@@ -1,3 +1,7 @@
+#include <absl/strings/str_cat.h>
+
+#include <utility>
+
 #include "render/raster/gl/gl_rasterizer.hpp"
 #include "render/raster/visibility/visibility_rasterizer.hpp"
 #include "throng/render/raster.hpp"
@@ -6,10 +10,16 @@ namespace throng::render {
 
 absl::StatusOr<std::unique_ptr<Rasterizer>> make_rasterizer(RasterKind kind, unsigned threads) {
   switch (kind) {
+    case RasterKind::kAuto: {
+      auto gl = gl::make_gl_rasterizer(threads, /*hardware_only=*/true);
+      if (gl.ok()) return gl;
+      return visibility::make_visibility_rasterizer(threads,
+                                                    absl::StrCat("auto: ", gl.status().message()));
+    }
     case RasterKind::kGl:
       return gl::make_gl_rasterizer(threads);
     case RasterKind::kVisibility:
-      return visibility::make_visibility_rasterizer(threads);
+      return visibility::make_visibility_rasterizer(threads, "");
   }
   return absl::InvalidArgumentError("make_rasterizer: unknown kind");
 }

@@ -178,8 +178,9 @@ int main(int argc, char** argv) {
   job.read.ground_z = z_rule == "ground";
   job.selection.rule =
       lod == "dong2019" ? throng::render::LodRule::kDong2019 : throng::render::LodRule::kBudget;
-  job.pipeline.raster = raster == "visibility" ? throng::render::RasterKind::kVisibility
-                                               : throng::render::RasterKind::kGl;
+  job.pipeline.raster = raster == "gl"           ? throng::render::RasterKind::kGl
+                        : raster == "visibility" ? throng::render::RasterKind::kVisibility
+                                                 : throng::render::RasterKind::kAuto;
   job.look.shadows = !no_shadows;
   job.look.ground = !no_ground;
   if (job.cast.empty()) job.cast = default_cast();

@@ -686,9 +686,14 @@ class GlRasterizer final : public Rasterizer {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<Rasterizer>> make_gl_rasterizer(unsigned threads) {
+absl::StatusOr<std::unique_ptr<Rasterizer>> make_gl_rasterizer(unsigned threads,
+                                                               bool hardware_only) {
   auto context = EglContext::make();
   if (!context.ok()) return context.status();
+  if (hardware_only && (*context)->software()) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("OpenGL is software here (", (*context)->renderer(), ")"));
+  }
   auto rasterizer = std::make_unique<GlRasterizer>(std::move(*context), threads);
   if (auto status = rasterizer->prepare(); !status.ok()) return status;
   return rasterizer;

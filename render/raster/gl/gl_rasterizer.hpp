@@ -14,6 +14,8 @@ namespace throng::render::gl {
 /// the sky wherever no agent was drawn, darkened by that alpha. Hardware takes four samples a pixel;
 /// software takes one and smooths the edges afterwards, on `threads` threads (0: one for each core).
 /// THRONG_GL_SAMPLES=1 or 4 in the environment decides otherwise.
-absl::StatusOr<std::unique_ptr<Rasterizer>> make_gl_rasterizer(unsigned threads);
+/// @param hardware_only  FailedPrecondition where OpenGL is software, naming it.
+absl::StatusOr<std::unique_ptr<Rasterizer>> make_gl_rasterizer(unsigned threads,
+                                                               bool hardware_only = false);
 
 }  // namespace throng::render::gl

@@ -38,14 +38,15 @@ struct TileScratch {
 
 class VisibilityRasterizer final : public Rasterizer {
  public:
-  explicit VisibilityRasterizer(unsigned threads) : pool_(threads) {
+  VisibilityRasterizer(unsigned threads, std::string why) : pool_(threads), why_(std::move(why)) {
     scratch_.resize(pool_.thread_count());
     for (auto& one : scratch_) one = std::make_unique<TileScratch>();
   }
 
   RasterInfo info() const override {
     return {absl::StrCat("visibility (cpu, ", pool_.thread_count(), " threads)"),
-            absl::StrCat("CPU visibility rasterizer, ", simd_name(), ", 4 samples a pixel")};
+            absl::StrCat("CPU visibility rasterizer, ", simd_name(), ", 4 samples a pixel",
+                         why_.empty() ? "" : "; ", why_)};
   }
 
   absl::Status upload(std::shared_ptr<const Cast> cast) override;
@@ -86,6 +87,7 @@ class VisibilityRasterizer final : public Rasterizer {
   };
 
   WorkPool pool_;
+  std::string why_;
   std::vector<std::unique_ptr<TileScratch>> scratch_;
   std::shared_ptr<const Cast> cast_;
   TextureStore textures_;
@@ -557,9 +559,11 @@ absl::Status VisibilityRasterizer::draw(const FrameGeometry& geometry, const Cam
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<Rasterizer>> make_visibility_rasterizer(unsigned threads) {
+absl::StatusOr<std::unique_ptr<Rasterizer>> make_visibility_rasterizer(unsigned threads,
+                                                                       std::string why) {
   try {
-    return std::unique_ptr<Rasterizer>(std::make_unique<VisibilityRasterizer>(threads));
+    return std::unique_ptr<Rasterizer>(
+        std::make_unique<VisibilityRasterizer>(threads, std::move(why)));
   } catch (const std::bad_alloc&) {
     return absl::ResourceExhaustedError("make_rasterizer: no memory for the tiles");
   }

@@ -35,7 +35,7 @@ struct ViewSettings {
 
 struct FramePipelineOptions {
   BackendKind backend = BackendKind::kCpu;
-  RasterKind raster = RasterKind::kGl;
+  RasterKind raster = RasterKind::kAuto;
   unsigned threads = 0;
 };
 

@@ -15,7 +15,8 @@
 
 namespace throng::render {
 
-enum class RasterKind { kGl, kVisibility };
+/// kAuto: gl where EGL offers a GPU, else visibility; `RasterInfo::detail` says why.
+enum class RasterKind { kAuto, kGl, kVisibility };
 
 /// 8-bit sRGB picture, rows from the top, 4 bytes a pixel (r g b and 255).
 struct Picture {
