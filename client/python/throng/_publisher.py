@@ -248,7 +248,7 @@ class Publisher:
 def connect(url: Optional[str] = None, crowd: str = "default", *, channels: ChannelSpec = (),
             origin: Optional[Sequence[float]] = None, unit: Union[str, float] = "m", up: str = "z",
             handed: str = "right", yaw: str = "ccw_rad", rate_hz: Optional[float] = None,
-            run_id: Optional[str] = None, token: Optional[str] = None, tls_ca: Optional[str] = None,
+            run_id: Optional[str] = None, token: Optional[str] = None, ca_file: Optional[str] = None,
             producer: str = "", seed: int = 0, take_over: bool = False, queue_frames: int = 256,
             queue_bytes: int = 64 << 20) -> Publisher:
     """Makes a publisher of one crowd. The connection itself is made in the background, by the first frame.
@@ -268,9 +268,10 @@ def connect(url: Optional[str] = None, crowd: str = "default", *, channels: Chan
         rate_hz: frames per second of scene time that will come, if known: sets how long the server waits
             before it shows them.
         run_id: a new one forgets what the server has of this crowd; the same one continues. Default: new.
-        token: what the server's token file says. Default: $THRONG_TOKEN. Best not on a command line.
-        tls_ca: file of the certificate authority, for grpcs:// with a certificate of one's own.
-            Default: $THRONG_TLS_CA.
+        token: one of the server's tokens. Default: $THRONG_TOKEN, else the first line of the file
+            $THRONG_TOKEN_FILE. Best not on a command line.
+        ca_file: PEM file that a grpcs:// server's certificate is checked with. Default: $THRONG_CA_FILE,
+            else the authorities that gRPC trusts.
         producer: who publishes, for the server's log: "jupedsim 1.4.2".
         seed: with the id, decides which character an agent gets.
         take_over: ends another producer's stream on this crowd instead of being refused.
@@ -297,10 +298,26 @@ def connect(url: Optional[str] = None, crowd: str = "default", *, channels: Chan
             raise ValueError("connect: a channel's name is empty")
         units[str(name)] = str(channel_unit)
     endpoint = Endpoint.parse(url or os.environ.get("THRONG_URL") or DEFAULT_URL,
-                              token or os.environ.get("THRONG_TOKEN") or None,
-                              tls_ca or os.environ.get("THRONG_TLS_CA") or None)
+                              token or os.environ.get("THRONG_TOKEN") or _token_of_file(),
+                              ca_file or os.environ.get("THRONG_CA_FILE") or None)
     return Publisher(endpoint, crowd, axes, units, rate_hz, run_id or uuid.uuid4().hex, producer or "throng-python",
                      seed, take_over, queue_frames, queue_bytes)
+
+
+def _token_of_file() -> Optional[str]:
+    """The first token of $THRONG_TOKEN_FILE. ValueError when it can't be read or has none."""
+    path = os.environ.get("THRONG_TOKEN_FILE")
+    if not path:
+        return None
+    try:
+        with open(path, encoding="utf-8") as file:
+            lines = [line.strip() for line in file]
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"connect: THRONG_TOKEN_FILE can't be read: {error}") from None
+    for line in lines:
+        if line and not line.startswith("#"):
+            return line
+    raise ValueError(f"connect: THRONG_TOKEN_FILE names {path}, which has no token")
 
 
 def _length(ids: Any) -> int:

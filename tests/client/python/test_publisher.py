@@ -289,6 +289,20 @@ def test_token_goes_along_and_stays_out_of_the_log(server, caplog, monkeypatch):
     assert "secret-token" not in caplog.text + repr(pub)
 
 
+def test_token_may_come_from_a_file(server, tmp_path, monkeypatch):
+    path = tmp_path / "tokens"
+    monkeypatch.setenv("THRONG_TOKEN_FILE", str(path))
+    with pytest.raises(ValueError, match="can't be read"):
+        throng.connect(server.url)
+    path.write_text("# for the hall\n\n")
+    with pytest.raises(ValueError, match="no token"):
+        throng.connect(server.url)
+    path.write_text("# for the hall\n  token-of-the-file \nanother\n")
+    with throng.connect(server.url) as pub:
+        pub.publish(0.0, [1], [(0, 0)])
+    assert server.metadata[0]["authorization"] == "Bearer token-of-the-file"
+
+
 def test_url_comes_from_the_environment(server, monkeypatch):
     monkeypatch.setenv("THRONG_URL", server.url)
     with throng.connect() as pub:
