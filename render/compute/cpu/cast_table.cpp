@@ -11,14 +11,19 @@
 namespace throng::render {
 namespace {
 
-std::vector<element::SourceVertex> source_vertices(const Character& character) {
-  std::vector<element::SourceVertex> result(character.vertex_count());
+std::vector<TableVertex> table_vertices(const Character& character) {
+  std::vector<TableVertex> result(character.vertex_count());
   for (std::size_t i = 0; i < result.size(); ++i) {
-    result[i] = {character.position[i], element::unpack_octahedral(character.normal[i]),
-                 character.joint_index[i], character.joint_weight[i]};
+    TableVertex& vertex = result[i];
+    vertex.position_m = character.position[i];
+    vertex.normal = element::unpack_octahedral(character.normal[i]);
+    vertex.joint_index = character.joint_index[i];
+    vertex.uv = character.uv[i];
+    const glm::vec4 weight = element::joint_weights(character.joint_weight[i]);
     for (int k = 0; k < 4; ++k) {
+      vertex.weight[k] = weight[k];
       // so that a joint nobody needs is not looked at
-      if (result[i].joint_weight[k] == 0) result[i].joint_index[k] = result[i].joint_index[0];
+      if (weight[k] == 0.0F) vertex.joint_index[k] = vertex.joint_index[0];
     }
   }
   return result;
@@ -38,7 +43,7 @@ std::vector<element::JointMatrix> columns_of(std::span<const Affine> palette) {
 void order_joints(CharacterTable& table, std::uint32_t joint_count) {
   std::vector<bool> is_known(joint_count, false);
   table.joint_count_at.push_back(0);
-  for (const element::SourceVertex& vertex : table.vertex) {
+  for (const TableVertex& vertex : table.vertex) {
     for (int k = 0; k < 4; ++k) {
       const std::uint8_t joint = vertex.joint_index[k];
       if (is_known[joint]) continue;
@@ -91,7 +96,7 @@ absl::StatusOr<std::shared_ptr<const CastTable>> make_cast_table(std::shared_ptr
     CharacterTable& entry = table->characters.emplace_back();
     entry.character = &character;
     entry.gait = gait_of(character);
-    entry.vertex = source_vertices(character);
+    entry.vertex = table_vertices(character);
     entry.palette = columns_of(character.palette);
     order_joints(entry, character.joint_count());
     entry.ladder = make_ladder(character);

@@ -18,11 +18,22 @@ struct LadderLevel {
   std::vector<std::uint32_t> corner;  // [3 * triangle_count_at[vertex_count]]
 };
 
+/// A vertex as the skinning loop reads it, in one go: element::SourceVertex with its weights as
+/// numbers, and what is passed on.
+struct TableVertex {
+  glm::vec3 position_m;
+  glm::vec3 normal;
+  float weight[4];
+  glm::u8vec4 joint_index;
+  glm::u16vec2 uv;
+};
+static_assert(sizeof(TableVertex) == 48);
+
 /// A character as the processor draws it.
 struct CharacterTable {
   const Character* character = nullptr;  // of the cast
   element::Gait gait;
-  std::vector<element::SourceVertex> vertex;  // [C]
+  std::vector<TableVertex> vertex;            // [C]
   std::vector<element::JointMatrix> palette;  // [F][J]
   std::vector<std::uint32_t> joint_order;     // joints by the first vertex that needs them
   std::vector<std::uint32_t> joint_count_at;  // [C+1] how many of them n vertices need

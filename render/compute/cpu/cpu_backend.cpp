@@ -44,7 +44,8 @@ absl::Status out_of_memory(const char* call) {
 
 class CpuBackend final : public ComputeBackend {
  public:
-  explicit CpuBackend(unsigned threads) : pool_(threads), scratch_(pool_.thread_count()) {}
+  CpuBackend(unsigned threads, KernelLevel level)
+      : kernels_(kernels(level)), pool_(threads), scratch_(pool_.thread_count()) {}
 
   absl::Status upload(std::shared_ptr<const Cast> cast) override {
     auto table = make_cast_table(std::move(cast));
@@ -109,7 +110,7 @@ class CpuBackend final : public ComputeBackend {
       std::shared_ptr<CpuInstances> instances = InstancesPool::take(instances_pool_);
       instances->cast = cast();
       render::advance(*older_cpu->snapshot, *newer_cpu->snapshot, scene_time_us, settings, channel,
-                      pool_, *instances);
+                      machine(), *instances);
       return instances;
     } catch (const std::bad_alloc&) {
       return out_of_memory("advance");
@@ -131,7 +132,7 @@ class CpuBackend final : public ComputeBackend {
     try {
       own->stage = ViewStage::kNew;
       own->instances = std::move(own_instances);
-      render::cull(*own, camera, viewport, pool_);
+      render::cull(*own, camera, viewport, machine());
       own->stage = ViewStage::kCulled;
       return absl::OkStatus();
     } catch (const std::bad_alloc&) {
@@ -150,7 +151,7 @@ class CpuBackend final : public ComputeBackend {
           absl::StrCat("select: alpha is ", selection.alpha, ", must be 3"));
     }
     try {
-      render::select(*own, selection, pool_);
+      render::select(*own, selection, machine());
       own->stage = ViewStage::kSelected;
       return absl::OkStatus();
     } catch (const std::bad_alloc&) {
@@ -183,7 +184,7 @@ class CpuBackend final : public ComputeBackend {
     try {
       // scratch is by worker and shared by the views, so one view is generated at a time
       const std::lock_guard lock(generate_mutex_);
-      render::generate(*own, pool_, scratch_);
+      render::generate(*own, machine(), scratch_);
       own->stage = ViewStage::kGenerated;
       return absl::OkStatus();
     } catch (const std::bad_alloc&) {
@@ -228,6 +229,8 @@ class CpuBackend final : public ComputeBackend {
   }
 
  private:
+  Machine machine() { return {pool_, kernels_}; }
+
   std::shared_ptr<const CastTable> cast() const {
     const std::lock_guard lock(mutex_);
     return cast_;
@@ -286,14 +289,15 @@ class CpuBackend final : public ComputeBackend {
   std::shared_ptr<const CastTable> cast_;
   std::shared_ptr<InstancesPool> instances_pool_ = std::make_shared<InstancesPool>();
   std::mutex generate_mutex_;
+  const Kernels& kernels_;
   WorkPool pool_;
   std::vector<WorkerScratch> scratch_;
 };
 
 }  // namespace
 
-std::unique_ptr<ComputeBackend> make_cpu_backend(unsigned threads) {
-  return std::make_unique<CpuBackend>(threads);
+std::unique_ptr<ComputeBackend> make_cpu_backend(unsigned threads, KernelLevel level) {
+  return std::make_unique<CpuBackend>(threads, level);
 }
 
 }  // namespace throng::render

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "render/compute/cpu/kernels.hpp"
 #include "render/compute/cpu/stages.hpp"
 
 namespace throng::render {
@@ -130,22 +131,21 @@ std::uint64_t rate_within(Dealer& dealer, std::uint64_t budget, std::uint64_t fi
 
 }  // namespace
 
-void select(CpuView& view, const Selection& selection, WorkPool& pool) {
+void select(CpuView& view, const Selection& selection, Machine machine) {
   const std::size_t count = view.visible.size();
   view.share.resize(count);
-  Dealer dealer(view, pool);
+  Dealer dealer(view, machine.pool);
 
   // equation 1's weights as integers, and the sums that bound the budget
   std::vector<std::uint64_t>& shares = view.chunk_sum;
   std::vector<std::uint64_t>& least = view.chunk_fixed;
   std::vector<std::uint64_t>& most = view.chunk_free;
-  pool.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {
+  machine.pool.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {
     std::uint64_t share_sum = 0, least_sum = 0, most_sum = 0;
+    machine.kernels.share(view.projection, view.visible.data(), view.distance_m.data(),
+                          view.share.data(), begin, end);
     for (std::size_t i = begin; i < end; ++i) {
-      const VisibleInstance& instance = view.visible[i];
-      const Character& character = dealer.character_of(instance);
-      view.share[i] = element::selection_share(
-          element::selection_weight(view.projection, instance.radius_m, view.distance_m[i]));
+      const Character& character = dealer.character_of(view.visible[i]);
       share_sum += view.share[i];
       least_sum += character.coarsest_count;
       most_sum += character.vertex_count();

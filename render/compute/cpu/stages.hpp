@@ -64,16 +64,24 @@ struct WorkerScratch {
   Buffer<std::uint32_t> corner;
 };
 
+struct Kernels;
+
+/// What the stages run on.
+struct Machine {
+  WorkPool& pool;
+  const Kernels& kernels;
+};
+
 void advance(const Snapshot& older, const Snapshot& newer, std::int64_t scene_time_us,
-             const CrowdSettings& settings, int channel, WorkPool& pool, CpuInstances& instances);
+             const CrowdSettings& settings, int channel, Machine machine, CpuInstances& instances);
 
-void cull(CpuView& view, const Camera& camera, const Viewport& viewport, WorkPool& pool);
+void cull(CpuView& view, const Camera& camera, const Viewport& viewport, Machine machine);
 
-void select(CpuView& view, const Selection& selection, WorkPool& pool);
+void select(CpuView& view, const Selection& selection, Machine machine);
 
 /// ResourceExhausted when the batched buffer would need more than 2^32 - 1 vertices or indices.
 absl::Status allocate(CpuView& view);
 
-void generate(CpuView& view, WorkPool& pool, std::vector<WorkerScratch>& scratch);
+void generate(CpuView& view, Machine machine, std::vector<WorkerScratch>& scratch);
 
 }  // namespace throng::render

@@ -37,29 +37,34 @@ THRONG_HOST_DEVICE inline glm::vec4 place_sphere(const Placement& placement,
                    fused(bounds.z, placement.scale, position_m.z), bounds.w * placement.scale);
 }
 
-/// Element `k` of a pose's matrix: each clip between its two frames, then the clips mixed.
+/// One element of a pose's matrix: each clip between its two frames, then the clips mixed.
 THRONG_HOST_DEVICE inline float mix_pose(const Pose& pose, float a0, float a1, float b0, float b1) {
   const float a = fused(pose.a_t, a1 - a0, a0);
+  if (!(pose.b_weight > 0.0F)) return a;
   const float b = fused(pose.b_t, b1 - b0, b0);
   return fused(pose.b_weight, b - a, a);
 }
 
+/// Turns and scales a matrix into world axes.
+THRONG_HOST_DEVICE inline void place_matrix(const Placement& placement, const float* m,
+                                            float* result) {
+  for (int k = 0; k < 16; k += 4) {
+    result[k] = fused(m[k], placement.cosine_scale, m[k + 1] * -placement.sine_scale);
+    result[k + 1] = fused(m[k + 1], placement.cosine_scale, m[k] * placement.sine_scale);
+    result[k + 2] = m[k + 2] * placement.scale;
+    result[k + 3] = 0.0F;
+  }
+}
+
 /// A joint of a posed instance: the mixed matrix, turned and scaled into world axes.
-/// For an instance whose pose has no clip b, pass a0 and a1 again; the weight is 0.
+/// An instance whose pose has no clip b may pass any matrices for it.
 THRONG_HOST_DEVICE inline void pose_joint(const Pose& pose, const Placement& placement,
                                           const JointMatrix& a0, const JointMatrix& a1,
                                           const JointMatrix& b0, const JointMatrix& b1,
                                           JointMatrix& result) {
-  for (int c = 0; c < 4; ++c) {
-    const int k = 4 * c;
-    const float x = mix_pose(pose, a0.m[k], a1.m[k], b0.m[k], b1.m[k]);
-    const float y = mix_pose(pose, a0.m[k + 1], a1.m[k + 1], b0.m[k + 1], b1.m[k + 1]);
-    const float z = mix_pose(pose, a0.m[k + 2], a1.m[k + 2], b0.m[k + 2], b1.m[k + 2]);
-    result.m[k] = fused(x, placement.cosine_scale, y * -placement.sine_scale);
-    result.m[k + 1] = fused(y, placement.cosine_scale, x * placement.sine_scale);
-    result.m[k + 2] = z * placement.scale;
-    result.m[k + 3] = 0.0F;
-  }
+  float m[16];
+  for (int k = 0; k < 16; ++k) m[k] = mix_pose(pose, a0.m[k], a1.m[k], b0.m[k], b1.m[k]);
+  place_matrix(placement, m, result.m);
 }
 
 /// A vertex of the bind pose as skinning wants it. 32 bytes.
@@ -71,30 +76,42 @@ struct SourceVertex {
 };
 static_assert(sizeof(SourceVertex) == 32);
 
+THRONG_HOST_DEVICE inline glm::vec4 joint_weights(const glm::u8vec4& weight) {
+  return glm::vec4(static_cast<float>(weight.x), static_cast<float>(weight.y),
+                   static_cast<float>(weight.z), static_cast<float>(weight.w)) *
+         (1.0F / 255.0F);
+}
+
 struct SkinnedVertex {
   glm::vec3 position_m;  // world axes, from the instance's feet
   glm::vec3 normal;      // world axes, not normalised
 };
 
-/// Linear blend skinning (equation 2 of Dong & Peng 2019): the weighted sum of the joints'
-/// matrices, which starts at zero, times the vertex.
-THRONG_HOST_DEVICE inline SkinnedVertex skin(const SourceVertex& source,
-                                             const JointMatrix* palette) {
-  float m[16];
-  for (int k = 0; k < 16; ++k) m[k] = 0.0F;
-  for (int j = 0; j < 4; ++j) {
-    const float weight = static_cast<float>(source.joint_weight[j]) * (1.0F / 255.0F);
-    const JointMatrix& joint = palette[source.joint_index[j]];
-    for (int k = 0; k < 16; ++k) m[k] = fused(weight, joint.m[k], m[k]);
-  }
+/// A blended matrix times a vertex.
+THRONG_HOST_DEVICE inline SkinnedVertex transform(const float* m, const glm::vec3& p,
+                                                  const glm::vec3& n) {
   SkinnedVertex result;
-  const glm::vec3& p = source.position_m;
-  const glm::vec3& n = source.normal;
   for (int r = 0; r < 3; ++r) {
     result.position_m[r] = fused(m[r], p.x, fused(m[4 + r], p.y, fused(m[8 + r], p.z, m[12 + r])));
     result.normal[r] = fused(m[r], n.x, fused(m[4 + r], n.y, m[8 + r] * n.z));
   }
   return result;
+}
+
+/// Linear blend skinning (equation 2 of Dong & Peng 2019): the weighted sum of the joints'
+/// matrices, which starts at zero, times the vertex.
+THRONG_HOST_DEVICE inline SkinnedVertex skin(const SourceVertex& source,
+                                             const JointMatrix* palette) {
+  const glm::vec4 weight = joint_weights(source.joint_weight);
+  const float* m0 = palette[source.joint_index.x].m;
+  const float* m1 = palette[source.joint_index.y].m;
+  const float* m2 = palette[source.joint_index.z].m;
+  const float* m3 = palette[source.joint_index.w].m;
+  float m[16];
+  for (int k = 0; k < 16; ++k) {
+    m[k] = fused(weight.w, m3[k], fused(weight.z, m2[k], fused(weight.y, m1[k], weight.x * m0[k])));
+  }
+  return transform(m, source.position_m, source.normal);
 }
 
 }  // namespace throng::render::element

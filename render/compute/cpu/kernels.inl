@@ -1,0 +1,252 @@
+// The inner loops, compiled once for each instruction set: kernels.cpp includes this text in a
+// namespace of its own, after `Lanes` (16 floats, four columns of a joint's matrix).
+
+using element::fused;
+
+inline element::Sample sample_of(const Snapshot& snapshot, std::size_t slot) {
+  return {snapshot.position_m[slot], snapshot.velocity_mps[slot], snapshot.heading_rad[slot],
+          snapshot.speed_mps[slot], snapshot.walked_cycles[slot]};
+}
+
+inline float channel_of(const Snapshot& snapshot, int channel, std::size_t slot) {
+  return channel >= 0 && static_cast<std::size_t>(channel) < snapshot.channels.size()
+             ? snapshot.channels[static_cast<std::size_t>(channel)][slot]
+             : __builtin_nanf("");
+}
+
+void advance(const AdvanceJob& job, std::size_t begin, std::size_t end) {
+  // the agents shown are those of one snapshot; the other one only says where they go
+  const element::Between& between = job.between;
+  const Snapshot& newer = *job.newer;
+  const Snapshot& shown = between.at_newer ? newer : *job.older;
+  const Roster& roster = *shown.roster;
+  const bool is_same_roster = job.older->roster == newer.roster;
+  const std::size_t newer_slots = newer.present.size();
+  for (std::size_t slot = begin; slot < end; ++slot) {
+    if (shown.present[slot] == 0) {
+      job.sphere_m[slot] = glm::vec4(0.0F, 0.0F, 0.0F, -1.0F);
+      continue;
+    }
+    const std::uint32_t seed = roster.seed[slot];
+    const float scale = roster.scale[slot];
+    const std::uint32_t character = roster.character[slot];
+    const CharacterTable& table = job.cast->characters[character];
+    float value = channel_of(shown, job.channel, slot);
+    element::Sample sample;
+    if (!between.at_newer && slot < newer_slots && newer.present[slot] != 0 &&
+        (is_same_roster || newer.roster->id[slot] == roster.id[slot])) {
+      sample =
+          element::interpolate(sample_of(*job.older, slot), sample_of(newer, slot), between, seed);
+      const float next = channel_of(newer, job.channel, slot);
+      if (next == next) value = fused(between.t, next - value, value);
+    } else {
+      sample = element::extrapolate(sample_of(shown, slot), between, table.gait, scale, seed);
+    }
+
+    InstanceState& state = job.state[slot];
+    state.position_m = sample.position_m;
+    state.heading_rad = sample.heading_rad;
+    state.placement = element::place(sample.heading_rad, scale);
+    state.character = character;
+    state.seed = seed;
+    state.channel = value;
+    state.pose = element::choose_pose(table.gait, seed, sample.speed_mps, sample.walked_cycles,
+                                      job.scene_time_us);
+    job.sphere_m[slot] =
+        element::place_sphere(state.placement, sample.position_m, table.character->bounds);
+  }
+}
+
+inline glm::vec3 relative(float x, float y, float z, const glm::dvec3& eye_offset_m) {
+  return glm::vec3(static_cast<float>(static_cast<double>(x) - eye_offset_m.x),
+                   static_cast<float>(static_cast<double>(y) - eye_offset_m.y),
+                   static_cast<float>(static_cast<double>(z) - eye_offset_m.z));
+}
+
+std::uint32_t cull(const CullJob& job, std::size_t begin, std::size_t end) {
+  std::uint32_t count = 0;
+  for (std::size_t slot = begin; slot < end; ++slot) {
+    const glm::vec4& sphere_m = job.sphere_m[slot];
+    const glm::vec3 center = relative(sphere_m.x, sphere_m.y, sphere_m.z, job.eye_offset_m);
+    const std::uint8_t is_visible =
+        element::touches(job.frustum, glm::vec4(center.x, center.y, center.z, sphere_m.w)) ? 1 : 0;
+    job.mask[slot] = is_visible;
+    count += is_visible;
+  }
+  return count;
+}
+
+void compact(const CullJob& job, std::size_t begin, std::size_t end, std::uint32_t next) {
+  for (std::size_t slot = begin; slot < end; ++slot) {
+    if (job.mask[slot] == 0) continue;
+    const InstanceState& state = job.state[slot];
+    const glm::vec4& sphere_m = job.sphere_m[slot];
+    const glm::vec3 center = relative(sphere_m.x, sphere_m.y, sphere_m.z, job.eye_offset_m);
+    job.distance_m[next] =
+        std::sqrt(fused(center.x, center.x, fused(center.y, center.y, center.z * center.z)));
+    VisibleInstance& visible = job.visible[next];
+    visible.position_relative =
+        relative(state.position_m.x, state.position_m.y, state.position_m.z, job.eye_offset_m);
+    visible.heading_rad = state.heading_rad;
+    visible.slot = static_cast<std::uint32_t>(slot);
+    visible.character = state.character;
+    visible.seed = state.seed;
+    visible.scale = state.placement.scale;
+    visible.channel = state.channel;
+    visible.radius_m = sphere_m.w;
+    visible.vertex_count = 0;
+    visible.triangle_count = 0;
+    ++next;
+  }
+}
+
+void share(const element::Projection& projection, const VisibleInstance* visible,
+           const float* distance_m, std::uint32_t* result, std::size_t begin, std::size_t end) {
+  for (std::size_t i = begin; i < end; ++i) {
+    result[i] = element::selection_share(
+        element::selection_weight(projection, visible[i].radius_m, distance_m[i]));
+  }
+}
+
+void pose_palette(const CharacterTable& table, const InstanceState& state,
+                  std::uint32_t vertex_count, element::JointMatrix* palette) {
+  const std::size_t joints = table.character->joint_count();
+  const element::Pose& pose = state.pose;
+  const element::JointMatrix* a0 = table.palette.data() + pose.a_frame0 * joints;
+  const element::JointMatrix* a1 = table.palette.data() + pose.a_frame1 * joints;
+  const std::uint32_t* order = table.joint_order.data();
+  const std::uint32_t count = table.joint_count_at[vertex_count];
+  const Placed placed(state.placement);
+  const Lanes a_t = Lanes::all(pose.a_t);
+  if (!(pose.b_weight > 0.0F)) {
+    for (std::uint32_t k = 0; k < count; ++k) {
+      const std::uint32_t j = order[k];
+      const Lanes from = Lanes::load(a0[j].m);
+      placed.store(Lanes::fma(a_t, Lanes::sub(Lanes::load(a1[j].m), from), from), palette[j].m);
+    }
+    return;
+  }
+  const element::JointMatrix* b0 = table.palette.data() + pose.b_frame0 * joints;
+  const element::JointMatrix* b1 = table.palette.data() + pose.b_frame1 * joints;
+  const Lanes b_t = Lanes::all(pose.b_t);
+  const Lanes b_weight = Lanes::all(pose.b_weight);
+  for (std::uint32_t k = 0; k < count; ++k) {
+    const std::uint32_t j = order[k];
+    const Lanes a_from = Lanes::load(a0[j].m);
+    const Lanes b_from = Lanes::load(b0[j].m);
+    const Lanes a = Lanes::fma(a_t, Lanes::sub(Lanes::load(a1[j].m), a_from), a_from);
+    const Lanes b = Lanes::fma(b_t, Lanes::sub(Lanes::load(b1[j].m), b_from), b_from);
+    placed.store(Lanes::fma(b_weight, Lanes::sub(b, a), a), palette[j].m);
+  }
+}
+
+inline Lanes blend(const TableVertex& vertex, const element::JointMatrix* palette) {
+  Lanes m = Lanes::mul(Lanes::all(vertex.weight[0]), Lanes::load(palette[vertex.joint_index.x].m));
+  m = Lanes::fma(Lanes::all(vertex.weight[1]), Lanes::load(palette[vertex.joint_index.y].m), m);
+  m = Lanes::fma(Lanes::all(vertex.weight[2]), Lanes::load(palette[vertex.joint_index.z].m), m);
+  return Lanes::fma(Lanes::all(vertex.weight[3]), Lanes::load(palette[vertex.joint_index.w].m), m);
+}
+
+#if THRONG_KERNEL_SIMD
+
+/// Octahedral codes of four directions, x y z in the first three lanes of each: as
+/// element::pack_octahedral.
+inline __m128i pack_four(__m128 n0, __m128 n1, __m128 n2, __m128 n3) {
+  _MM_TRANSPOSE4_PS(n0, n1, n2, n3);
+  const __m128 x = n0, y = n1, z = n2;
+  const __m128 sign = _mm_set1_ps(-0.0F);
+  const __m128 one = _mm_set1_ps(1.0F);
+  const __m128 zero = _mm_setzero_ps();
+  const __m128 sum = _mm_add_ps(_mm_add_ps(_mm_andnot_ps(sign, x), _mm_andnot_ps(sign, y)),
+                                _mm_andnot_ps(sign, z));
+  const __m128 scale = _mm_and_ps(_mm_div_ps(one, sum), _mm_cmpgt_ps(sum, zero));
+  __m128 u = _mm_mul_ps(x, scale);
+  __m128 v = _mm_mul_ps(y, scale);
+  // the lower half is folded over the corners: |v| - 1 or 1 - |v|, by the sign of u
+  const __m128 fold = _mm_cmplt_ps(z, zero);
+  const __m128 u_negative = _mm_and_ps(_mm_cmplt_ps(u, zero), sign);
+  const __m128 v_negative = _mm_and_ps(_mm_cmplt_ps(v, zero), sign);
+  const __m128 folded_u = _mm_xor_ps(_mm_sub_ps(one, _mm_andnot_ps(sign, v)), u_negative);
+  const __m128 folded_v = _mm_xor_ps(_mm_sub_ps(one, _mm_andnot_ps(sign, u)), v_negative);
+  u = _mm_blendv_ps(u, folded_u, fold);
+  v = _mm_blendv_ps(v, folded_v, fold);
+  const __m128 half = _mm_set1_ps(0.5F);
+  const __m128 largest = _mm_set1_ps(32767.0F);
+  const __m128 u_half = _mm_xor_ps(half, _mm_and_ps(_mm_cmplt_ps(u, zero), sign));
+  const __m128 v_half = _mm_xor_ps(half, _mm_and_ps(_mm_cmplt_ps(v, zero), sign));
+  const __m128i iu = _mm_cvttps_epi32(_mm_fmadd_ps(u, largest, u_half));
+  const __m128i iv = _mm_cvttps_epi32(_mm_fmadd_ps(v, largest, v_half));
+  return _mm_or_si128(_mm_and_si128(iu, _mm_set1_epi32(0xffff)), _mm_slli_epi32(iv, 16));
+}
+
+void skin(const CharacterTable& table, const VisibleInstance& instance, std::uint32_t visible,
+          const element::JointMatrix* palette, BatchVertex* out) {
+  const __m128 feet = _mm_setr_ps(instance.position_relative.x, instance.position_relative.y,
+                                  instance.position_relative.z, 0.0F);
+  const std::uint32_t count = instance.vertex_count;
+  const TableVertex* vertices = table.vertex.data();
+  for (std::uint32_t i = 0; i < count; i += 4) {
+    __m128 normal[4];
+    std::uint32_t index[4];
+    for (std::uint32_t k = 0; k < 4; ++k) {
+      // beyond the end the last vertex is made again, into its own place
+      index[k] = i + k < count ? i + k : count - 1;
+      const TableVertex& vertex = vertices[index[k]];
+      const Lanes m = blend(vertex, palette);
+      const __m128 c0 = m.column<0>(), c1 = m.column<1>(), c2 = m.column<2>(), c3 = m.column<3>();
+      const __m128 position =
+          _mm_fmadd_ps(c0, _mm_set1_ps(vertex.position_m.x),
+                       _mm_fmadd_ps(c1, _mm_set1_ps(vertex.position_m.y),
+                                    _mm_fmadd_ps(c2, _mm_set1_ps(vertex.position_m.z), c3)));
+      normal[k] = _mm_fmadd_ps(c0, _mm_set1_ps(vertex.normal.x),
+                               _mm_fmadd_ps(c1, _mm_set1_ps(vertex.normal.y),
+                                            _mm_mul_ps(c2, _mm_set1_ps(vertex.normal.z))));
+      // 16 bytes: the normal's place is written below
+      _mm_storeu_ps(&out[index[k]].position_relative.x, _mm_add_ps(feet, position));
+    }
+    std::uint32_t code[4];
+    _mm_storeu_si128(reinterpret_cast<__m128i*>(code),
+                     pack_four(normal[0], normal[1], normal[2], normal[3]));
+    for (std::uint32_t k = 0; k < 4; ++k) {
+      BatchVertex& vertex = out[index[k]];
+      std::memcpy(&vertex.normal, &code[k], sizeof vertex.normal);
+      vertex.uv = vertices[index[k]].uv;
+      vertex.visible = visible;
+    }
+  }
+}
+
+#else
+
+void skin(const CharacterTable& table, const VisibleInstance& instance, std::uint32_t visible,
+          const element::JointMatrix* palette, BatchVertex* out) {
+  for (std::uint32_t i = 0; i < instance.vertex_count; ++i) {
+    const TableVertex& vertex = table.vertex[i];
+    const Lanes m = blend(vertex, palette);
+    const element::SkinnedVertex skinned =
+        element::transform(m.v, vertex.position_m, vertex.normal);
+    out[i].position_relative = instance.position_relative + skinned.position_m;
+    const std::uint32_t code =
+        element::pack_octahedral(skinned.normal.x, skinned.normal.y, skinned.normal.z);
+    std::memcpy(&out[i].normal, &code, sizeof code);
+    out[i].uv = vertex.uv;
+    out[i].visible = visible;
+  }
+}
+
+#endif
+
+void corners(const std::uint32_t* corner, std::size_t count, const std::uint32_t* target,
+             std::uint32_t level_count, std::uint32_t vertex_count, std::uint32_t first_vertex,
+             std::uint32_t* scratch, std::uint32_t* out) {
+  if (level_count == vertex_count) {
+    for (std::size_t k = 0; k < count; ++k) out[k] = first_vertex + corner[k];
+    return;
+  }
+  // where each vertex of the level goes; a target is smaller, so it is known already
+  for (std::uint32_t i = 0; i < vertex_count; ++i) scratch[i] = first_vertex + i;
+  for (std::uint32_t i = vertex_count; i < level_count; ++i) scratch[i] = scratch[target[i]];
+  for (std::size_t k = 0; k < count; ++k) out[k] = scratch[corner[k]];
+}
+
+constexpr Kernels kKernels = {advance, cull, compact, share, pose_palette, skin, corners};
