@@ -1,0 +1,72 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "throng/client/connection.hpp"
+#include "throng/trajectory/trajectory.hpp"
+
+namespace throng::client {
+
+/// What the program ends with. 130 and 143: interrupted before the end, by SIGINT and SIGTERM.
+enum ExitCode : int { kOk = 0, kFailure = 1, kUsage = 2, kBadInput = 3 };
+
+struct Common {
+  ConnectionOptions connection;
+  bool quiet = false;  // no progress
+};
+
+struct PublishCommand {
+  Common common;
+  std::string file;
+  std::string crowd;
+  trajectory::ReadOptions read;
+  double rate = 1.0;  // scene seconds for each second
+  bool loop = false;
+  bool take_over = false;
+  std::uint64_t seed = 0;
+  double wait_s = 10.0;  // for the server
+};
+int run_publish(const PublishCommand& command);
+
+struct ViewCommand {
+  Common common;
+  std::string crowd;
+  std::uint32_t width_px = 1280;
+  std::uint32_t height_px = 720;
+  double fps = 30.0;
+  std::uint32_t quality = 85;
+  std::uint64_t vertex_budget = 0;
+  std::string camera;   // "x,y,z:tx,ty,tz"; empty: overview
+  std::string channel;  // colours the agents
+  std::optional<double> channel_low, channel_high;
+  double wait_s = 10.0;  // for the server and for the crowd
+};
+
+struct RecordCommand {
+  ViewCommand view;
+  std::string output;
+  std::optional<double> seconds;
+  std::optional<std::uint64_t> frames;
+};
+int run_record(const RecordCommand& command);
+
+/// One line of text a second about what a viewer of the crowd gets.
+int run_watch(const ViewCommand& command, std::optional<double> seconds);
+
+int run_crowds(const Common& common, bool json);
+int run_server_info(const Common& common, bool json);
+int run_file_info(const std::string& file, const trajectory::ReadOptions& read, bool json);
+
+/// What this machine can draw with, and the server if one is named.
+int run_doctor(const Common& common, bool ask_server, bool json);
+
+/// "x,y,z:tx,ty,tz" in metres: eye and target.
+struct CameraText {
+  double eye[3];
+  double target[3];
+};
+std::optional<CameraText> parse_camera(const std::string& text);
+
+}  // namespace throng::client

@@ -1,0 +1,170 @@
+// throng: the thin client on the command line. Flags and wiring only.
+#include <CLI/CLI.hpp>
+#include <cstdlib>
+#include <string>
+
+#include "client/cli/commands.hpp"
+#include "client/cli/interrupt.hpp"
+
+namespace {
+
+using namespace throng::client;
+
+void add_connection(CLI::App& app, Common& common) {
+  app.add_option("--server", common.connection.url,
+                 "HOST:PORT, grpcs://HOST:PORT for TLS (default: THRONG_URL, else 127.0.0.1:7447)");
+  app.add_option("--ca-file", common.connection.ca_file,
+                 "PEM that the server's certificate is checked with (default: THRONG_CA_FILE)");
+  app.add_option("--token-file", common.connection.token_file,
+                 "File with the token to show (default: THRONG_TOKEN_FILE)");
+}
+
+void add_reading(CLI::App& app, throng::trajectory::ReadOptions& read, std::string& unit,
+                 std::string& z) {
+  app.add_option("--source-fps", read.source_fps, "Frames per second, where the file does not say");
+  app.add_option("--source-unit", unit, "Unit of length, where the file does not say")
+      ->check(CLI::IsMember({"m", "cm"}));
+  app.add_option("--z", z, "What the file's z is: height of the ground, or to be ignored")
+      ->check(CLI::IsMember({"ground", "ignore"}))
+      ->capture_default_str();
+  app.add_option("--format", read.format, "Format, where content does not tell")
+      ->check(CLI::IsMember(throng::trajectory::format_names()));
+}
+
+void finish_reading(throng::trajectory::ReadOptions& read, const std::string& unit,
+                    const std::string& z) {
+  if (unit == "m") read.source_unit_m = 1.0;
+  if (unit == "cm") read.source_unit_m = 0.01;
+  read.ground_z = z == "ground";
+}
+
+void add_view(CLI::App& app, ViewCommand& view, std::string& size) {
+  app.add_option("--crowd", view.crowd, "Name of the crowd")->required();
+  app.add_option("--size", size, "WIDTHxHEIGHT in pixels")->capture_default_str();
+  app.add_option("--fps", view.fps, "Frames per second at most")
+      ->capture_default_str()
+      ->check(CLI::Range(0.01, 1000.0));
+  app.add_option("--quality", view.quality, "JPEG quality")->capture_default_str()->check(CLI::Range(1, 100));
+  app.add_option("--vertex-budget", view.vertex_budget, "Vertices per frame (0: the server decides)")
+      ->capture_default_str();
+  app.add_option("--camera", view.camera, "Eye and target, \"x,y,z:tx,ty,tz\" in metres (default: an overview)");
+  app.add_option("--channel", view.channel, "Colour agents by this channel");
+  app.add_option("--channel-low", view.channel_low, "Value of the lowest colour");
+  app.add_option("--channel-high", view.channel_high, "Value of the highest colour");
+  app.add_option("--wait", view.wait_s, "Seconds to wait for server and crowd")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 86400.0));
+}
+
+/// Checks what CLI11 can't; exits with 2 through CLI11's own way of telling.
+void finish_view(ViewCommand& view, const std::string& size) {
+  unsigned width = 0, height = 0;
+  char rest = 0;
+  if (std::sscanf(size.c_str(), "%5ux%5u%c", &width, &height, &rest) != 2) {
+    throw CLI::ValidationError("--size", "'" + size + "' is not WIDTHxHEIGHT");
+  }
+  view.width_px = width;
+  view.height_px = height;
+  if (!view.camera.empty() && !parse_camera(view.camera)) {
+    throw CLI::ValidationError("--camera", "'" + view.camera + "' is not \"x,y,z:tx,ty,tz\"");
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Common common;
+  PublishCommand publish;
+  RecordCommand record;
+  ViewCommand watch;
+  std::string publish_unit, publish_z = "ignore", info_unit, info_z = "ignore";
+  std::string record_size = "1280x720", watch_size = "320x180", info_file;
+  throng::trajectory::ReadOptions info_read;
+  std::optional<double> watch_seconds;
+  bool crowds_json = false, info_json = false, doctor_json = false;
+
+  CLI::App app{"Publishes crowds to a throng server and shows what it draws.", "throng"};
+  app.set_version_flag("--version", THRONG_VERSION);
+  app.require_subcommand(1);
+  app.fallthrough();
+  app.add_flag("--quiet,-q", common.quiet, "No progress");
+  add_connection(app, common);
+  app.footer(
+      "Examples:\n"
+      "  throng publish run.sqlite --crowd station --loop\n"
+      "  throng record --crowd station -o station.mp4 --seconds 10\n"
+      "  throng record --crowd station -o frames/####.jpg --camera \"0,-20,8:0,0,1\" --frames 30\n"
+      "  throng crowds --json\n"
+      "  throng info run.sqlite\n"
+      "  throng doctor\n"
+      "Exit codes: 0 done, 1 failure, 2 usage, 3 bad input, 130 and 143 interrupted.");
+
+  CLI::App* publish_app = app.add_subcommand("publish", "Play a trajectory file to a crowd");
+  publish_app->add_option("file", publish.file, "JuPedSim sqlite, archive text, CSV, ...")->required();
+  publish_app->add_option("--crowd", publish.crowd, "Name of the crowd")->required();
+  publish_app->add_option("--rate", publish.rate, "Times as fast as the file says")
+      ->capture_default_str()
+      ->check(CLI::Range(0.001, 1000.0));
+  publish_app->add_flag("--loop", publish.loop, "Begin again at the end, until interrupted");
+  publish_app->add_flag("--take-over", publish.take_over, "End another producer of this crowd");
+  publish_app->add_option("--seed", publish.seed, "With an agent's id, decides who it is")->capture_default_str();
+  publish_app->add_option("--wait", publish.wait_s, "Seconds to wait for the server")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 86400.0));
+  add_reading(*publish_app, publish.read, publish_unit, publish_z);
+
+  CLI::App* record_app = app.add_subcommand("record", "Keep what a viewer sees, as video or pictures");
+  add_view(*record_app, record.view, record_size);
+  record_app->add_option("-o,--output", record.output,
+                         "out.mp4, frames/####.jpg, frames/####.png or one.jpg")
+      ->required();
+  record_app->add_option("--seconds", record.seconds, "Length")->check(CLI::PositiveNumber);
+  record_app->add_option("--frames", record.frames, "Number of frames")->check(CLI::PositiveNumber);
+  record_app->footer("Without --seconds and --frames it ends after the producer has left.");
+
+  CLI::App* watch_app = app.add_subcommand("watch", "One line a second about what a viewer gets");
+  add_view(*watch_app, watch, watch_size);
+  watch_app->add_option("--seconds", watch_seconds, "Length")->check(CLI::PositiveNumber);
+
+  CLI::App* crowds_app = app.add_subcommand("crowds", "List the crowds of a server");
+  crowds_app->add_flag("--json", crowds_json, "As JSON");
+
+  CLI::App* info_app = app.add_subcommand("info", "What a server offers, or what a trajectory file holds");
+  info_app->add_option("file", info_file, "Trajectory file (none: ask the server)");
+  info_app->add_flag("--json", info_json, "As JSON");
+  add_reading(*info_app, info_read, info_unit, info_z);
+
+  CLI::App* doctor_app = app.add_subcommand("doctor", "What this machine and the server can draw with");
+  doctor_app->add_flag("--json", doctor_json, "As JSON");
+
+  try {
+    app.parse(argc, argv);
+    if (record_app->parsed()) finish_view(record.view, record_size);
+    if (watch_app->parsed()) finish_view(watch, watch_size);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? kOk : kUsage;
+  }
+  finish_reading(publish.read, publish_unit, publish_z);
+  finish_reading(info_read, info_unit, info_z);
+
+  catch_interrupts();
+  if (publish_app->parsed()) {
+    publish.common = common;
+    return run_publish(publish);
+  }
+  if (record_app->parsed()) {
+    record.view.common = common;
+    return run_record(record);
+  }
+  if (watch_app->parsed()) {
+    watch.common = common;
+    return run_watch(watch, watch_seconds);
+  }
+  if (crowds_app->parsed()) return run_crowds(common, crowds_json);
+  if (info_app->parsed()) {
+    return info_file.empty() ? run_server_info(common, info_json)
+                             : run_file_info(info_file, info_read, info_json);
+  }
+  const bool named = !common.connection.url.empty() || std::getenv("THRONG_URL") != nullptr;
+  return run_doctor(common, named, doctor_json);
+}
