@@ -122,8 +122,9 @@ absl::Status read_comment(const std::string& path, std::uint64_t number, std::st
         first_number(colon == std::string::npos ? std::string_view(line)
                                                 : std::string_view(line).substr(colon + 1));
     if (!fps) {
-      return fault(path, number, absl::StrCat("the frame rate ", quoted(text),
-                                              " has no number; write e.g. '# framerate: 25 fps'"));
+      return fault(path, number,
+                   absl::StrCat("the frame rate ", quoted(text),
+                                " has no number; write e.g. '# framerate: 25 fps'"));
     }
     if (!valid_fps(*fps)) {
       return fault(path, number,
@@ -201,12 +202,13 @@ class Ingest {
       return fault(path_, "there are no rows of agents in the file; it may have been cut short");
     }
     if (z_seen_ && !options_.ground_z && roles_.z != kNone) {
-      info_.notes.push_back("z is taken as the height of heads and ignored; use --z ground if it "
-                            "is the ground");
+      info_.notes.push_back(
+          "z is taken as the height of heads and ignored; use --z ground if it "
+          "is the ground");
     }
     if (unknown_headings_ > 0) {
-      info_.notes.push_back(absl::StrCat(counted(unknown_headings_, "row", "rows"),
-                                         " without a direction"));
+      info_.notes.push_back(
+          absl::StrCat(counted(unknown_headings_, "row", "rows"), " without a direction"));
     }
     return make_sorted_reader(path_, std::move(info_), columns_, base_, options_, std::move(rows_),
                               IdTable(false));
@@ -231,8 +233,9 @@ class Ingest {
         if (!fps.ok()) return fps.status();
         base_ = {TimeBase::Kind::kFrames, *fps};
       } else {
-        info_.notes.push_back("2.5 samples a second, as all files of this kind; --source-fps "
-                              "gives another rate of the frame numbers");
+        info_.notes.push_back(
+            "2.5 samples a second, as all files of this kind; --source-fps "
+            "gives another rate of the frame numbers");
       }
     } else {
       if (header_.roles) roles_ = *header_.roles;
@@ -240,8 +243,9 @@ class Ingest {
         info_.format = "jpscore-text";
         if (!header_.unit_m) header_.unit_m = 1.0;  // its manual knows no other
         if (header_.part > 1.0) {
-          info_.notes.push_back(absl::StrCat("this is part ", number_text(header_.part),
-                                             " of an output in several files; join them to see all"));
+          info_.notes.push_back(
+              absl::StrCat("this is part ", number_text(header_.part),
+                           " of an output in several files; join them to see all"));
         }
       }
       absl::StatusOr<double> fps =
@@ -293,19 +297,20 @@ class Ingest {
                          std::size_t column, std::string_view name, double& value) const {
     if (parse_number(fields[column], value)) return absl::OkStatus();
     const bool comma = fields[column].find(',') != std::string_view::npos;
-    return fault(path_, line,
-                 absl::StrCat(std::string(name), " is ", quoted(fields[column]),
-                              ", must be a number",
-                              comma ? "; write a point, not a comma" : "; correct or remove the row"));
+    return fault(
+        path_, line,
+        absl::StrCat(std::string(name), " is ", quoted(fields[column]), ", must be a number",
+                     comma ? "; write a point, not a comma" : "; correct or remove the row"));
   }
 
   absl::Status add(std::uint64_t line, const std::vector<std::string_view>& fields,
                    bool unterminated) {
     if (fields.size() < roles_.needed) {
-      return fault(path_, line,
-                   absl::StrCat("the row has ", fields.size(), " columns, must have ", roles_.needed,
-                                unterminated ? "; the file is cut short: remove its last line"
-                                             : "; correct or remove the row"));
+      return fault(
+          path_, line,
+          absl::StrCat("the row has ", fields.size(), " columns, must have ", roles_.needed,
+                       unterminated ? "; the file is cut short: remove its last line"
+                                    : "; correct or remove the row"));
     }
     if (fields.size() > kMaxColumns) {
       return fault(path_, line, absl::StrCat("the row has more than ", kMaxColumns, " columns"));
@@ -349,7 +354,8 @@ class Ingest {
         }
       } else {
         double angle_deg = 0.0;
-        if (auto s = number_at(line, fields, roles_.angle_deg, "ANGLE", angle_deg); !s.ok()) return s;
+        if (auto s = number_at(line, fields, roles_.angle_deg, "ANGLE", angle_deg); !s.ok())
+          return s;
         if (std::isfinite(angle_deg)) heading = std::remainder(angle_deg, 360.0) * kPi / 180.0;
       }
       if (std::isnan(heading)) ++unknown_headings_;

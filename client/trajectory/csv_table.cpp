@@ -189,8 +189,9 @@ class Ingest {
     }
     comment_fps_ = first_number(line);
     if (!comment_fps_ || !valid_fps(*comment_fps_)) {
-      return fault(path_, number, absl::StrCat("the frame rate ", quoted(text),
-                                               " must be a number between 0.0001 and 100000"));
+      return fault(path_, number,
+                   absl::StrCat("the frame rate ", quoted(text),
+                                " must be a number between 0.0001 and 100000"));
     }
     return absl::OkStatus();
   }
@@ -234,9 +235,9 @@ class Ingest {
         if (!found.empty()) found += ", ";
         found += name;
       }
-      return fault(path_, number, absl::StrCat("no column named ", missing, " among ",
-                                               quoted_list(found),
-                                               "; rename the columns in the first line"));
+      return fault(path_, number,
+                   absl::StrCat("no column named ", missing, " among ", quoted_list(found),
+                                "; rename the columns in the first line"));
     }
     return absl::OkStatus();
   }
@@ -297,8 +298,9 @@ class Ingest {
     }
     if (one_of(name, {"t", "time", "simtime", "sim_time", "seconds", "timestamp", "simsec"})) {
       if (!unit.empty() && !one_of(unit, {"s", "ms", "us", "sec", "seconds"})) {
-        return fault(path_, number, absl::StrCat("the unit of column ", quoted(names_[i]), " is ",
-                                                 quoted(unit), ", must be s, ms or us"));
+        return fault(path_, number,
+                     absl::StrCat("the unit of column ", quoted(names_[i]), " is ", quoted(unit),
+                                  ", must be s, ms or us"));
       }
       seconds_per_unit_ = unit == "ms" ? 1e-3 : unit == "us" ? 1e-6 : 1.0;
       return take(number, i, time_);
@@ -310,7 +312,8 @@ class Ingest {
                       "pedestrianid", "pedestrian_id", "track_id", "trackid"})) {
       return take(number, i, id_);
     }
-    for (const auto& [axis, role] : {std::pair("x", &x_), std::pair("y", &y_), std::pair("z", &z_)}) {
+    for (const auto& [axis, role] :
+         {std::pair("x", &x_), std::pair("y", &y_), std::pair("z", &z_)}) {
       if (name != axis && name != absl::StrCat("pos", axis) && name != absl::StrCat("pos_", axis) &&
           name != absl::StrCat("position_", axis) && name != absl::StrCat("coordcent", axis)) {
         continue;
@@ -342,13 +345,15 @@ class Ingest {
   absl::Status take_unit(std::uint64_t number, std::size_t column, std::string_view unit) {
     const std::optional<double> metres = unit_metres(unit);
     if (!metres) {
-      return fault(path_, number, absl::StrCat("the unit of column ", quoted(names_[column]), " is ",
-                                               quoted(unit), ", must be m, cm or mm"));
+      return fault(path_, number,
+                   absl::StrCat("the unit of column ", quoted(names_[column]), " is ", quoted(unit),
+                                ", must be m, cm or mm"));
     }
     if (known_unit_m_ && *known_unit_m_ != *metres) {
-      return fault(path_, number, absl::StrCat("column ", quoted(names_[column]), " is in ",
-                                               quoted(unit), " but others are in units of ",
-                                               number_text(*known_unit_m_), " m; use one unit"));
+      return fault(path_, number,
+                   absl::StrCat("column ", quoted(names_[column]), " is in ", quoted(unit),
+                                " but others are in units of ", number_text(*known_unit_m_),
+                                " m; use one unit"));
     }
     known_unit_m_ = metres;
     return absl::OkStatus();
@@ -369,7 +374,8 @@ class Ingest {
     return absl::OkStatus();
   }
 
-  /// Unit, rate and columns, at the first row. `fields` may be empty when a row of units came first.
+  /// Unit, rate and columns, at the first row. `fields` may be empty when a row of units came
+  /// first.
   absl::Status settle(const std::vector<std::string_view>& fields) {
     if (rows_ == nullptr && !unit_settled_) {
       unit_settled_ = true;
@@ -417,10 +423,11 @@ class Ingest {
                          std::size_t column, double& value) const {
     if (parse_number(fields[column], value)) return absl::OkStatus();
     const bool comma = fields[column].find(',') != std::string_view::npos;
-    return fault(path_, line,
-                 absl::StrCat("column ", quoted(names_[column]), " is ", quoted(fields[column]),
-                              ", must be a number",
-                              comma ? "; write a point, not a comma" : "; correct or remove the row"));
+    return fault(
+        path_, line,
+        absl::StrCat("column ", quoted(names_[column]), " is ", quoted(fields[column]),
+                     ", must be a number",
+                     comma ? "; write a point, not a comma" : "; correct or remove the row"));
   }
 
   absl::Status add(std::uint64_t line, const std::vector<std::string_view>& fields) {
@@ -434,8 +441,9 @@ class Ingest {
       if (absl::Status s = number_at(line, fields, time_, time); !s.ok()) return s;
       time *= seconds_per_unit_;
       if (!(std::abs(time) <= kMaxTimeS)) {
-        return fault(path_, line, absl::StrCat("time is ", number_text(time),
-                                               " s, must be between -1e12 and 1e12 s"));
+        return fault(
+            path_, line,
+            absl::StrCat("time is ", number_text(time), " s, must be between -1e12 and 1e12 s"));
       }
       key = std::llround(time * 1e6);
     } else if (!parse_integer(fields[frame_], key) ||
@@ -446,12 +454,13 @@ class Ingest {
     }
     absl::StatusOr<std::uint64_t> id = ids_.id(fields[id_]);
     if (!id.ok()) {
-      return fault(path_, line, std::string_view(id.status().message().data(),
-                                                 id.status().message().size()));
+      return fault(path_, line,
+                   std::string_view(id.status().message().data(), id.status().message().size()));
     }
     values_.clear();
     double value = 0.0;
-    for (const auto& [column, axis] : {std::pair(x_, 'x'), std::pair(y_, 'y'), std::pair(z_, 'z')}) {
+    for (const auto& [column, axis] :
+         {std::pair(x_, 'x'), std::pair(y_, 'y'), std::pair(z_, 'z')}) {
       if (column == kNone) continue;
       if (absl::Status s = number_at(line, fields, column, value); !s.ok()) return s;
       value *= unit_m_;
@@ -517,8 +526,8 @@ class Ingest {
     if (compass_ != kNone) {
       heading = std::remainder(90.0 - value, 360.0) * kPi / 180.0;
     } else {
-      heading = degrees_ ? std::remainder(value, 360.0) * kPi / 180.0
-                         : std::remainder(value, 2.0 * kPi);
+      heading =
+          degrees_ ? std::remainder(value, 360.0) * kPi / 180.0 : std::remainder(value, 2.0 * kPi);
     }
     return absl::OkStatus();
   }
@@ -545,11 +554,12 @@ class Ingest {
       info_.notes.push_back("times taken as seconds: the column names no unit");
     }
     if (inactive_ > 0) {
-      info_.notes.push_back(
-          absl::StrCat(counted(inactive_, "row", "rows"), " of agents that are not active skipped"));
+      info_.notes.push_back(absl::StrCat(counted(inactive_, "row", "rows"),
+                                         " of agents that are not active skipped"));
     }
     if (vehicles_ > 0) {
-      info_.notes.push_back(absl::StrCat(counted(vehicles_, "row", "rows"), " of vehicles skipped"));
+      info_.notes.push_back(
+          absl::StrCat(counted(vehicles_, "row", "rows"), " of vehicles skipped"));
     }
     if (odd_channels_ > 0) {
       info_.notes.push_back(absl::StrCat(counted(odd_channels_, "value", "values"),

@@ -1,6 +1,5 @@
 #include <absl/strings/str_cat.h>
 
-
 #include "readers.hpp"
 #include "sorted_reader.hpp"
 
@@ -22,8 +21,9 @@ namespace throng::trajectory::detail {
 
 ReaderOr open_hdf5(const std::string& path, const ReadOptions&) {
   return absl::UnavailableError(
-      absl::StrCat(path, ": HDF5 is not built in; install libhdf5-dev and build again, or write "
-                         "SQLite or text"));
+      absl::StrCat(path,
+                   ": HDF5 is not built in; install libhdf5-dev and build again, or write "
+                   "SQLite or text"));
 }
 
 #else
@@ -74,8 +74,9 @@ class Ingest {
     if (H5Lexists(file.get(), "trajectory", H5P_DEFAULT) <= 0 ||
         H5Lget_info(file.get(), "trajectory", &link, H5P_DEFAULT) < 0 ||
         link.type != H5L_TYPE_HARD) {
-      return fault(path_, "there is no dataset /trajectory; this is no trajectory of the archive or "
-                          "of JuPedSim");
+      return fault(path_,
+                   "there is no dataset /trajectory; this is no trajectory of the archive or "
+                   "of JuPedSim");
     }
     const Handle data(H5Dopen2(file.get(), "trajectory", H5P_DEFAULT), H5Dclose);
     if (!data.ok()) return fault(path_, "/trajectory is no dataset");
@@ -90,8 +91,9 @@ class Ingest {
     info_.walkable_area_wkt = text_attribute(file.get(), "wkt_geometry");
     if (absl::Status s = read_rows(data.get()); !s.ok()) return s;
     if (z_seen_ && !options_.ground_z) {
-      info_.notes.push_back("z is taken as the height of heads and ignored; use --z ground if it "
-                            "is the ground");
+      info_.notes.push_back(
+          "z is taken as the height of heads and ignored; use --z ground if it "
+          "is the ground");
     }
     return make_sorted_reader(path_, std::move(info_), columns_, {TimeBase::Kind::kFrames, *fps},
                               options_, std::move(rows_), IdTable(false));
@@ -104,7 +106,8 @@ class Ingest {
     if (!attribute.ok()) return std::nullopt;
     const Handle space(H5Aget_space(attribute.get()), H5Sclose);
     const Handle type(H5Aget_type(attribute.get()), H5Tclose);
-    if (!space.ok() || !type.ok() || H5Sget_simple_extent_npoints(space.get()) != 1) return std::nullopt;
+    if (!space.ok() || !type.ok() || H5Sget_simple_extent_npoints(space.get()) != 1)
+      return std::nullopt;
     const H5T_class_t kind = H5Tget_class(type.get());
     double value = 0.0;
     if ((kind != H5T_FLOAT && kind != H5T_INTEGER) ||
@@ -193,21 +196,23 @@ class Ingest {
       if (H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, &first, nullptr, &size, nullptr) < 0 ||
           H5Dread(data, memory_type.get(), memory_space.get(), space.get(), H5P_DEFAULT,
                   block.data()) < 0) {
-        return fault(path_, absl::StrCat("rows from ", first, " of /trajectory cannot be read; the "
+        return fault(path_, absl::StrCat("rows from ", first,
+                                         " of /trajectory cannot be read; the "
                                          "file is damaged or cut short"));
       }
       for (hsize_t i = 0; i < size; ++i) {
         const Row& row = block[i];
         const std::uint64_t number = first + i + 1;
         if (row.id < 0 || std::abs(static_cast<double>(row.frame)) > kMaxInteger) {
-          return fault(path_, absl::StrCat("/trajectory, row ", number, ": id is ", row.id,
-                                           " and frame is ", row.frame,
-                                           "; ids start at 0 and frames are at most 2^53"));
+          return fault(
+              path_, absl::StrCat("/trajectory, row ", number, ": id is ", row.id, " and frame is ",
+                                  row.frame, "; ids start at 0 and frames are at most 2^53"));
         }
         values.assign({row.numbers[0], row.numbers[1]});
         if (columns_.z) values.push_back(row.numbers[2]);
         for (std::size_t axis = 0; axis < values.size(); ++axis) {
-          if (absl::Status s = check_position(path_, number, "xyz"[axis], values[axis]); !s.ok()) return s;
+          if (absl::Status s = check_position(path_, number, "xyz"[axis], values[axis]); !s.ok())
+            return s;
         }
         z_seen_ = z_seen_ || (has[4] && row.numbers[2] != 0.0);
         if (columns_.heading) {
@@ -215,7 +220,8 @@ class Ingest {
           const bool known = std::isfinite(ox) && std::isfinite(oy) && (ox != 0.0 || oy != 0.0);
           values.push_back(known ? std::atan2(oy, ox) : std::nan(""));
         }
-        if (auto s = rows_->add(row.frame, static_cast<std::uint64_t>(row.id), number, values); !s.ok()) {
+        if (auto s = rows_->add(row.frame, static_cast<std::uint64_t>(row.id), number, values);
+            !s.ok()) {
           return s;
         }
       }

@@ -25,7 +25,8 @@ struct Finalize {
 using Database = std::unique_ptr<sqlite3, CloseDatabase>;
 using Statement = std::unique_ptr<sqlite3_stmt, Finalize>;
 
-/// "file:" URI of a path: everything but plain characters as %XX, so that '?' and '#' are no syntax.
+/// "file:" URI of a path: everything but plain characters as %XX, so that '?' and '#' are no
+/// syntax.
 std::string file_uri(const std::string& path) {
   static constexpr char kHex[] = "0123456789ABCDEF";
   std::string uri = "file:";
@@ -83,11 +84,13 @@ class SqliteReader final : public Reader {
       for (const char c : channel) sql += c == '"' ? std::string("\"\"") : std::string(1, c);
       sql += '"';
     }
-    if (absl::Status s = prepare(sql + " FROM trajectory_data ORDER BY frame, id", rows_); !s.ok()) {
+    if (absl::Status s = prepare(sql + " FROM trajectory_data ORDER BY frame, id", rows_);
+        !s.ok()) {
       return s;
     }
     if (has_frame_data_) {
-      if (auto s = prepare("SELECT DISTINCT frame FROM frame_data ORDER BY frame", frames_); !s.ok()) {
+      if (auto s = prepare("SELECT DISTINCT frame FROM frame_data ORDER BY frame", frames_);
+          !s.ok()) {
         return s;
       }
       if (absl::Status s = step_frames(); !s.ok()) return s;
@@ -116,7 +119,8 @@ class SqliteReader final : public Reader {
       current = last_frame_ + 1;
       ++inserted_;
     }
-    const double time_s = (static_cast<double>(current) - static_cast<double>(first_frame_)) / info_.fps;
+    const double time_s =
+        (static_cast<double>(current) - static_cast<double>(first_frame_)) / info_.fps;
     if (!(std::abs(time_s) <= kMaxTimeS)) {
       return fault(path_, absl::StrCat("table trajectory_data: frame is ", current, ", ",
                                        number_text(time_s), " s after the first; at most ",
@@ -166,9 +170,8 @@ class SqliteReader final : public Reader {
   /// Whether a table (not a view) of that name is there, and its columns.
   absl::StatusOr<std::vector<std::string>> table_columns(const std::string& table) {
     Statement statement;
-    if (absl::Status s =
-            prepare("SELECT 1 FROM sqlite_master WHERE type='table' AND name='" + table + "'",
-                    statement);
+    if (absl::Status s = prepare(
+            "SELECT 1 FROM sqlite_master WHERE type='table' AND name='" + table + "'", statement);
         !s.ok()) {
       return s;
     }
@@ -215,7 +218,8 @@ class SqliteReader final : public Reader {
     columns_.channels = info_.channel_names.size();
     absl::StatusOr<std::vector<std::string>> frame_data = table_columns("frame_data");
     if (!frame_data.ok()) return frame_data.status();
-    has_frame_data_ = std::find(frame_data->begin(), frame_data->end(), "frame") != frame_data->end();
+    has_frame_data_ =
+        std::find(frame_data->begin(), frame_data->end(), "frame") != frame_data->end();
     return absl::OkStatus();
   }
 
@@ -225,7 +229,8 @@ class SqliteReader final : public Reader {
     std::optional<double> fps;
     if (!names->empty()) {
       Statement statement;
-      if (auto s = prepare("SELECT value, key FROM metadata WHERE key IN ('fps', 'version')", statement);
+      if (auto s =
+              prepare("SELECT value, key FROM metadata WHERE key IN ('fps', 'version')", statement);
           !s.ok()) {
         return s;
       }
@@ -260,7 +265,8 @@ class SqliteReader final : public Reader {
     if (!names.ok()) return names.status();
     if (std::find(names->begin(), names->end(), "wkt") == names->end()) return absl::OkStatus();
     // The geometry may change from frame to frame; the first is the walkable area that is shown.
-    const bool linked = has_frame_data_ && std::find(names->begin(), names->end(), "hash") != names->end();
+    const bool linked =
+        has_frame_data_ && std::find(names->begin(), names->end(), "hash") != names->end();
     Statement statement;
     if (absl::Status s = prepare(
             linked ? "SELECT wkt FROM geometry WHERE hash = (SELECT geometry_hash FROM frame_data "
@@ -282,7 +288,8 @@ class SqliteReader final : public Reader {
     if (result != SQLITE_ROW) return broken("table geometry");
     const std::int64_t count = sqlite3_column_int64(statement.get(), 0);
     if (count > 1) {
-      info_.notes.push_back(absl::StrCat("the geometry changes (", count, " of them); the first is used"));
+      info_.notes.push_back(
+          absl::StrCat("the geometry changes (", count, " of them); the first is used"));
     }
     return absl::OkStatus();
   }
@@ -300,7 +307,8 @@ class SqliteReader final : public Reader {
     frames_frame_ = sqlite3_column_int64(frames_.get(), 0);
     frames_end_ = false;
     if (std::abs(static_cast<double>(frames_frame_)) > kMaxInteger) {
-      return fault(path_, absl::StrCat("table frame_data: frame is ", frames_frame_, ", at most 2^53"));
+      return fault(path_,
+                   absl::StrCat("table frame_data: frame is ", frames_frame_, ", at most 2^53"));
     }
     return absl::OkStatus();
   }
@@ -360,8 +368,8 @@ class SqliteReader final : public Reader {
       const int type = sqlite3_column_type(row, column);
       value = sqlite3_column_double(row, column);
       const bool number = type == SQLITE_FLOAT || type == SQLITE_INTEGER;
-      values_.push_back(number && std::abs(value) <= 3e38 ? value
-                                                          : std::numeric_limits<double>::quiet_NaN());
+      values_.push_back(
+          number && std::abs(value) <= 3e38 ? value : std::numeric_limits<double>::quiet_NaN());
     }
     return absl::OkStatus();
   }

@@ -49,8 +49,9 @@ class ScbReader final : public Reader {
     file_.seekg(0);
     char head[8] = {};
     if (size < sizeof head || !file_.read(head, sizeof head)) {
-      return fault(path_, absl::StrCat("the file has ", size, " bytes, less than its header of 8; "
-                                                              "it is cut short"));
+      return fault(path_, absl::StrCat("the file has ", size,
+                                       " bytes, less than its header of 8; "
+                                       "it is cut short"));
     }
     const std::string text(head, strnlen(head, 4));
     version_ = find_version(text);
@@ -62,16 +63,18 @@ class ScbReader final : public Reader {
     const bool has_step = text != "1.0";
     // What the header promises must fit the file before memory is made for it.
     if (count <= 0 || static_cast<std::size_t>(count) > kMaxAgentsPerFrame) {
-      return fault(path_, absl::StrCat("byte 4: the number of agents is ", count,
-                                       ", must be 1 to ", kMaxAgentsPerFrame));
+      return fault(path_, absl::StrCat("byte 4: the number of agents is ", count, ", must be 1 to ",
+                                       kMaxAgentsPerFrame));
     }
     agents_ = static_cast<std::size_t>(count);
     header_bytes_ = 8 + (has_step ? 4 + 4 * agents_ : 0);
     frame_bytes_ = agents_ * version_->numbers * 4;
     if (size < header_bytes_ + frame_bytes_) {
       return fault(path_, absl::StrCat("the header says ", agents_, " agents, which needs ",
-                                       header_bytes_ + frame_bytes_, " bytes for one frame, but the "
-                                       "file has ", size, "; it is cut short or no SCB file"));
+                                       header_bytes_ + frame_bytes_,
+                                       " bytes for one frame, but the "
+                                       "file has ",
+                                       size, "; it is cut short or no SCB file"));
     }
     std::optional<double> of_file;
     if (has_step) {
@@ -85,7 +88,8 @@ class ScbReader final : public Reader {
       }
       of_file = fps;
       std::vector<std::uint32_t> classes(agents_);
-      file_.read(reinterpret_cast<char*>(classes.data()), static_cast<std::streamsize>(4 * agents_));
+      file_.read(reinterpret_cast<char*>(classes.data()),
+                 static_cast<std::streamsize>(4 * agents_));
       if (!file_) return short_read();
       classes_.assign(classes.begin(), classes.end());
     }
@@ -96,7 +100,8 @@ class ScbReader final : public Reader {
     info_.channel_names.assign(version_->channels.begin(), version_->channels.end());
     frames_ = (size - header_bytes_) / frame_bytes_;
     if (const std::uint64_t rest = (size - header_bytes_) % frame_bytes_; rest != 0) {
-      info_.notes.push_back(absl::StrCat("the last frame is cut short (", rest, " of ", frame_bytes_,
+      info_.notes.push_back(absl::StrCat("the last frame is cut short (", rest, " of ",
+                                         frame_bytes_,
                                          " bytes), as Menge leaves it, and is ignored"));
     }
     columns_.z = text == "2.4";
@@ -110,7 +115,8 @@ class ScbReader final : public Reader {
 
   absl::StatusOr<bool> next(Frame& frame) override {
     if (index_ >= frames_) return false;
-    file_.read(reinterpret_cast<char*>(numbers_.data()), static_cast<std::streamsize>(frame_bytes_));
+    file_.read(reinterpret_cast<char*>(numbers_.data()),
+               static_cast<std::streamsize>(frame_bytes_));
     if (!file_) return short_read();
     clear_frame(columns_, std::llround(static_cast<double>(index_) * 1e6 / info_.fps), frame);
     const std::string_view version = version_->text;
@@ -124,17 +130,17 @@ class ScbReader final : public Reader {
       if (y_up) values[at++] = row[1];
       for (std::size_t i = 0; i < at; ++i) {
         if (std::isfinite(values[i]) && std::abs(values[i]) <= kMaxPositionM) continue;
-        return fault(path_, absl::StrCat("frame ", index_, ", agent ", agent, ", byte ",
-                                         header_bytes_ + index_ * frame_bytes_ +
-                                             agent * version_->numbers * 4,
-                                         ": ", std::string(1, "xyz"[i]), " is ",
-                                         number_text(values[i]),
-                                         " m, must be a number between -1e8 and 1e8 m"));
+        return fault(
+            path_,
+            absl::StrCat("frame ", index_, ", agent ", agent, ", byte ",
+                         header_bytes_ + index_ * frame_bytes_ + agent * version_->numbers * 4,
+                         ": ", std::string(1, "xyz"[i]), " is ", number_text(values[i]),
+                         " m, must be a number between -1e8 and 1e8 m"));
       }
       double heading = std::numeric_limits<double>::quiet_NaN();
       if (version == "2.3") {
-        const bool known = std::isfinite(row[2]) && std::isfinite(row[3]) &&
-                           (row[2] != 0.0f || row[3] != 0.0f);
+        const bool known =
+            std::isfinite(row[2]) && std::isfinite(row[3]) && (row[2] != 0.0f || row[3] != 0.0f);
         if (known) heading = std::atan2(row[3], row[2]);
       } else {
         const float yaw = y_up ? row[3] : row[2];

@@ -128,7 +128,8 @@ absl::StatusOr<std::string> format_of(const std::string& path) {
   }
   head.resize(filled);
   if (head.empty()) return fault(path, "the file is empty");
-  if (starts_with(head, std::string_view("SQLite format 3\0", 16))) return std::string("jupedsim-sqlite");
+  if (starts_with(head, std::string_view("SQLite format 3\0", 16)))
+    return std::string("jupedsim-sqlite");
   if (starts_with(head, "\x89HDF\r\n\x1a\n")) return std::string("jupedsim-hdf5");
   if (starts_with(head, "PAR1")) {
     return fault(path, "Parquet is not read; write SUMO's output as .xml, .xml.gz or .csv");
@@ -150,9 +151,9 @@ absl::StatusOr<std::string> format_of(const std::string& path) {
 }  // namespace
 
 std::vector<std::string> format_names() {
-  return {"jupedsim-sqlite", "archive-text", "jpscore-text", "obsmat",    "csv",
-          "pathfinder-csv",  "crowdit-csv",  "sumo-fcd-csv", "vadere-traj", "sumo-fcd",
-          "menge-scb",       "trajnet-ndjson", "rvo2-text",  "jupedsim-hdf5"};
+  return {"jupedsim-sqlite", "archive-text",   "jpscore-text", "obsmat",       "csv",
+          "pathfinder-csv",  "crowdit-csv",    "sumo-fcd-csv", "vadere-traj",  "sumo-fcd",
+          "menge-scb",       "trajnet-ndjson", "rvo2-text",    "jupedsim-hdf5"};
 }
 
 std::uint64_t hash_id(const std::string& name) {
@@ -179,7 +180,8 @@ absl::StatusOr<std::unique_ptr<Reader>> open(const std::string& path, const Read
     if (!found.ok()) return found.status();
     format = *std::move(found);
   }
-  const bool binary = format == "jupedsim-sqlite" || format == "menge-scb" || format == "jupedsim-hdf5";
+  const bool binary =
+      format == "jupedsim-sqlite" || format == "menge-scb" || format == "jupedsim-hdf5";
   if (binary && is_gzip(path)) {
     return fault(path, absl::StrCat("this is ", format, " inside gzip; unpack it first (gunzip)"));
   }

@@ -34,7 +34,7 @@ std::string temporary_folder() {
 struct RowSorter::Run {
   std::uint64_t begin = 0, end = 0;  // bytes of the file not yet read
   std::vector<std::uint64_t> buffer;
-  std::size_t at = 0, filled = 0;    // words
+  std::size_t at = 0, filled = 0;  // words
   const std::uint64_t* head() const { return buffer.data() + at; }
 };
 
@@ -69,7 +69,8 @@ absl::Status RowSorter::push(std::int64_t key, std::uint64_t id, std::uint64_t l
   row[0] = static_cast<std::uint64_t>(key);
   row[1] = id;
   row[2] = line;
-  for (std::size_t i = 0; i < values.size(); ++i) row[3 + i] = std::bit_cast<std::uint64_t>(values[i]);
+  for (std::size_t i = 0; i < values.size(); ++i)
+    row[3 + i] = std::bit_cast<std::uint64_t>(values[i]);
   if (in_order_ && at > 0 && before(row, row - stride_)) in_order_ = false;
 
   if (row_count_ == 0 || key < first_key_) first_key_ = key;
@@ -131,9 +132,10 @@ absl::Status RowSorter::spill() {
       const ssize_t written = ::pwrite(file_, bytes, left, static_cast<off_t>(file_bytes_));
       if (written < 0 && errno == EINTR) continue;
       if (written <= 0) {
-        return absl::ResourceExhaustedError(absl::StrCat(
-            "sort by time: cannot write ", left, " bytes to a temporary file in ", folder, " after ",
-            file_bytes_, ": ", std::strerror(errno), "; set TMPDIR to a folder with room"));
+        return absl::ResourceExhaustedError(
+            absl::StrCat("sort by time: cannot write ", left, " bytes to a temporary file in ",
+                         folder, " after ", file_bytes_, ": ", std::strerror(errno),
+                         "; set TMPDIR to a folder with room"));
       }
       bytes += written;
       left -= static_cast<std::size_t>(written);
@@ -150,8 +152,7 @@ absl::Status RowSorter::spill() {
 
 absl::Status RowSorter::refill(Run& run) {
   run.at = run.filled = 0;
-  const std::size_t want =
-      std::min<std::uint64_t>(run.buffer.size() * 8, run.end - run.begin);
+  const std::size_t want = std::min<std::uint64_t>(run.buffer.size() * 8, run.end - run.begin);
   char* to = reinterpret_cast<char*>(run.buffer.data());
   std::size_t got = 0;
   while (got < want) {
@@ -201,7 +202,8 @@ absl::StatusOr<bool> RowSorter::next(Row& row) {
     row.id = words[1];
     row.line = words[2];
     values_.resize(stride_ - 3);
-    for (std::size_t i = 0; i < values_.size(); ++i) values_[i] = std::bit_cast<double>(words[3 + i]);
+    for (std::size_t i = 0; i < values_.size(); ++i)
+      values_[i] = std::bit_cast<double>(words[3 + i]);
     row.values = values_;
   };
   if (runs_.empty()) {

@@ -21,7 +21,7 @@ namespace throng::trajectory::detail {
 class RowSorter {
  public:
   struct Row {
-    std::int64_t key = 0;    // frame number or microseconds
+    std::int64_t key = 0;  // frame number or microseconds
     std::uint64_t id = 0;
     std::uint64_t line = 0;  // of the file; 0 for a moment with nobody
     std::span<const double> values;
@@ -61,8 +61,8 @@ class RowSorter {
   absl::Status refill(Run& run);
   const std::uint64_t* memory_row(std::size_t index) const;
 
-  std::size_t stride_;           // words of a row: key, id, line, values
-  std::size_t rows_in_memory_;   // limit
+  std::size_t stride_;          // words of a row: key, id, line, values
+  std::size_t rows_in_memory_;  // limit
   std::vector<std::uint64_t> words_;
   std::vector<std::uint32_t> order_;  // empty when words_ is in order
   bool in_order_ = true;

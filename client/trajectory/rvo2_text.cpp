@@ -23,8 +23,9 @@ class Rvo2Reader final : public Reader {
     if (!unit_m.ok()) return unit_m.status();
     unit_m_ = *unit_m;
     if (unit) {
-      info_.notes.push_back("positions taken as metres; the RVO2 examples are not to human scale, "
-                            "--source-unit gives the metres of one unit");
+      info_.notes.push_back(
+          "positions taken as metres; the RVO2 examples are not to human scale, "
+          "--source-unit gives the metres of one unit");
     }
     absl::StatusOr<std::unique_ptr<LineSource>> lines = LineSource::open(path_, kMaxLineBytes);
     if (!lines.ok()) return lines.status();
@@ -73,14 +74,16 @@ class Rvo2Reader final : public Reader {
     const std::size_t blank = std::min(line.find(' '), line.size());
     double time_s = 0.0;
     if (!parse_number(line.substr(0, blank), time_s) || !(std::abs(time_s) <= kMaxTimeS)) {
-      return fault(path_, number, absl::StrCat("time is ", quoted(line.substr(0, blank)),
-                                               ", must be a number of seconds"));
+      return fault(
+          path_, number,
+          absl::StrCat("time is ", quoted(line.substr(0, blank)), ", must be a number of seconds"));
     }
     const std::int64_t time_us = std::llround(time_s * 1e6);
     if (!started_) first_us_ = time_us;
     if (started_ && time_us - first_us_ <= last_us_) {
-      return fault(path_, number, absl::StrCat("time is ", number_text(time_s),
-                                               " s, must be later than in the line before"));
+      return fault(path_, number,
+                   absl::StrCat("time is ", number_text(time_s),
+                                " s, must be later than in the line before"));
     }
     clear_frame(Columns{}, time_us - first_us_, frame);
     std::size_t at = blank;
@@ -93,10 +96,10 @@ class Rvo2Reader final : public Reader {
       if (line[at] != '(' || end == std::string_view::npos || comma > end ||
           !parse_number(trimmed(line.substr(at + 1, comma - at - 1)), x) ||
           !parse_number(trimmed(line.substr(comma + 1, end - comma - 1)), y)) {
-        return fault(path_, number,
-                     absl::StrCat("position of agent ", frame.ids.size(), " is ",
-                                  quoted(line.substr(at, 40)), ", must be (x,y)",
-                                  std::string(rest_of_cut)));
+        return fault(
+            path_, number,
+            absl::StrCat("position of agent ", frame.ids.size(), " is ",
+                         quoted(line.substr(at, 40)), ", must be (x,y)", std::string(rest_of_cut)));
       }
       x *= unit_m_;
       y *= unit_m_;
@@ -112,8 +115,9 @@ class Rvo2Reader final : public Reader {
     }
     // Agents are known by their order only: with one less nobody could tell who left.
     if (started_ && frame.ids.size() != agents_) {
-      return fault(path_, number, absl::StrCat("the line has ", frame.ids.size(), " agents, the first ",
-                                               agents_, std::string(rest_of_cut)));
+      return fault(path_, number,
+                   absl::StrCat("the line has ", frame.ids.size(), " agents, the first ", agents_,
+                                std::string(rest_of_cut)));
     }
     agents_ = frame.ids.size();
     started_ = true;

@@ -59,8 +59,8 @@ class SortedReader final : public Reader {
         pending_ = true;
         ++inserted_;
         last_ids_.clear();
-        const std::int64_t left_us =
-            std::max<std::int64_t>(last_us_ + 1, time_us(last_key_) + std::llround(step_ * 1e6 / keys_per_s_));
+        const std::int64_t left_us = std::max<std::int64_t>(
+            last_us_ + 1, time_us(last_key_) + std::llround(step_ * 1e6 / keys_per_s_));
         clear_frame(columns_, std::min(left_us, gathered_.time_us - 1), frame);
         last_us_ = frame.time_us;
         return true;
@@ -101,8 +101,8 @@ class SortedReader final : public Reader {
       if (row_.line != 0) {
         if (!gathered_.ids.empty() && gathered_.ids.back() == row_.id) return twice(line);
         if (gathered_.ids.size() >= kMaxAgentsPerFrame) {
-          return fault(path_, row_.line, absl::StrCat("more than ", kMaxAgentsPerFrame,
-                                                      " agents in one frame"));
+          return fault(path_, row_.line,
+                       absl::StrCat("more than ", kMaxAgentsPerFrame, " agents in one frame"));
         }
         append_row(columns_, row_.id, row_.values, gathered_);
         line = row_.line;
@@ -119,12 +119,13 @@ class SortedReader final : public Reader {
 
   absl::Status twice(std::uint64_t line) const {
     const std::string name = ids_.name(row_.id);
-    return fault(path_, row_.line,
-                 absl::StrCat("agent ", name.empty() ? absl::StrCat(row_.id) : quoted(name),
-                              " is there twice ",
-                              times_ ? absl::StrCat("at time ", number_text(1e-6 * static_cast<double>(key_)), " s")
-                                     : absl::StrCat("in frame ", key_),
-                              ", first in line ", line, "; remove one of the two rows"));
+    return fault(
+        path_, row_.line,
+        absl::StrCat(
+            "agent ", name.empty() ? absl::StrCat(row_.id) : quoted(name), " is there twice ",
+            times_ ? absl::StrCat("at time ", number_text(1e-6 * static_cast<double>(key_)), " s")
+                   : absl::StrCat("in frame ", key_),
+            ", first in line ", line, "; remove one of the two rows"));
   }
 
   bool everybody_left() const {
@@ -173,9 +174,11 @@ double usual_step(const std::vector<std::int64_t>& keys) {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<Reader>> make_sorted_reader(
-    const std::string& path, Info info, Columns columns, TimeBase base, const ReadOptions& options,
-    std::unique_ptr<RowSorter> rows, IdTable ids) {
+absl::StatusOr<std::unique_ptr<Reader>> make_sorted_reader(const std::string& path, Info info,
+                                                           Columns columns, TimeBase base,
+                                                           const ReadOptions& options,
+                                                           std::unique_ptr<RowSorter> rows,
+                                                           IdTable ids) {
   if (rows->empty()) {
     return fault(path, "there are no rows of agents in the file; it may have been cut short");
   }
@@ -213,8 +216,8 @@ absl::StatusOr<std::unique_ptr<Reader>> make_sorted_reader(
                                     " are allowed; check its frame numbers and its rate"));
   }
   if (rows->spilled()) {
-    info.notes.push_back(absl::StrCat(rows->row_count(),
-                                      " rows sorted by time through a temporary file"));
+    info.notes.push_back(
+        absl::StrCat(rows->row_count(), " rows sorted by time through a temporary file"));
   }
   return std::unique_ptr<Reader>(std::make_unique<SortedReader>(
       path, std::move(info), columns, times, keys_per_s, step, std::move(rows), std::move(ids)));

@@ -41,8 +41,10 @@ void clear_frame(const Columns& columns, std::int64_t time_us, Frame& frame);
 /// Frames of sorted rows. When everybody of a frame is gone in the next one and frames lie
 /// between, an empty frame follows at once: the file lists no moment without agents.
 /// Errors: no rows at all, --source-fps against the times of the file, a span that is too long.
-absl::StatusOr<std::unique_ptr<Reader>> make_sorted_reader(
-    const std::string& path, Info info, Columns columns, TimeBase base, const ReadOptions& options,
-    std::unique_ptr<RowSorter> rows, IdTable ids);
+absl::StatusOr<std::unique_ptr<Reader>> make_sorted_reader(const std::string& path, Info info,
+                                                           Columns columns, TimeBase base,
+                                                           const ReadOptions& options,
+                                                           std::unique_ptr<RowSorter> rows,
+                                                           IdTable ids);
 
 }  // namespace throng::trajectory::detail

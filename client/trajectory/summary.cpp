@@ -30,7 +30,10 @@ absl::StatusOr<Summary> summarize(const std::string& path, const ReadOptions& op
     if (given++ == 0) first_us = frame.time_us;
     last_us = frame.time_us;
     summary.most_at_once = std::max<std::uint64_t>(summary.most_at_once, frame.ids.size());
-    ids.insert(frame.ids.begin(), frame.ids.end());
+    for (const std::uint64_t id : frame.ids) {
+      ids.insert(id);
+      summary.largest_id = std::max(summary.largest_id, id);
+    }
     widen(0, frame.x_m);
     widen(1, frame.y_m);
     widen(2, frame.z_m);

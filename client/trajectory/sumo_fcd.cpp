@@ -61,8 +61,9 @@ class FcdReader final : public Reader {
     has_speed_ = speed_seen_ || persons_ == 0;
     if (has_speed_) info_.channel_names.push_back("speed");
     if (degrees_like_ > 0 && degrees_like_ == persons_) {
-      info_.notes.push_back("positions look like longitude and latitude; run SUMO without "
-                            "--fcd-output.geo");
+      info_.notes.push_back(
+          "positions look like longitude and latitude; run SUMO without "
+          "--fcd-output.geo");
     }
     if (vehicles_ > 0) info_.notes.push_back("vehicles are skipped");
     return absl::OkStatus();
@@ -165,7 +166,8 @@ class FcdReader final : public Reader {
 
   void start_step(const char* text) {
     double time_s = 0.0;
-    if (text == nullptr || !parse_number(trimmed(text), time_s) || !(std::abs(time_s) <= kMaxTimeS)) {
+    if (text == nullptr || !parse_number(trimmed(text), time_s) ||
+        !(std::abs(time_s) <= kMaxTimeS)) {
       const bool clock = text != nullptr && std::strchr(text, ':') != nullptr;
       fail(absl::StrCat("time of the timestep is ", quoted(text != nullptr ? text : ""),
                         ", must be a number of seconds",
@@ -221,7 +223,8 @@ class FcdReader final : public Reader {
       return;
     }
     const bool has_z = attribute(attributes, "z") != nullptr;
-    for (const auto& [value, axis] : {std::pair(x, 'x'), std::pair(y, 'y'), std::pair(has_z ? z : 0.0, 'z')}) {
+    for (const auto& [value, axis] :
+         {std::pair(x, 'x'), std::pair(y, 'y'), std::pair(has_z ? z : 0.0, 'z')}) {
       if (std::isfinite(value) && std::abs(value) <= kMaxPositionM) continue;
       fail(absl::StrCat(std::string(1, axis), " of person ", quoted(name), " is ",
                         number_text(value), " m, must be a number between -1e8 and 1e8 m"));
@@ -242,7 +245,8 @@ class FcdReader final : public Reader {
     speed_seen_ = speed_seen_ || speed_known;
     ++persons_;
     const char* digits = std::strchr(attribute(attributes, "x"), '.');
-    if (std::abs(x) <= 180.0 && std::abs(y) <= 90.0 && digits != nullptr && std::strlen(digits) > 5) {
+    if (std::abs(x) <= 180.0 && std::abs(y) <= 90.0 && digits != nullptr &&
+        std::strlen(digits) > 5) {
       ++degrees_like_;
     }
   }
@@ -251,11 +255,12 @@ class FcdReader final : public Reader {
     counted_ = true;
     std::erase(info_.notes, "vehicles are skipped");
     if (vehicles_ > 0) {
-      info_.notes.push_back(absl::StrCat(counted(vehicles_, "sample", "samples"), " of vehicles skipped"));
+      info_.notes.push_back(
+          absl::StrCat(counted(vehicles_, "sample", "samples"), " of vehicles skipped"));
     }
     if (riders_ > 0) {
-      info_.notes.push_back(
-          absl::StrCat(counted(riders_, "sample", "samples"), " of persons inside vehicles skipped"));
+      info_.notes.push_back(absl::StrCat(counted(riders_, "sample", "samples"),
+                                         " of persons inside vehicles skipped"));
     }
   }
 

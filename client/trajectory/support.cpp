@@ -8,8 +8,8 @@
 namespace throng::trajectory::detail {
 
 absl::Status fault(const std::string& path, std::uint64_t line, std::string_view message) {
-  return absl::InvalidArgumentError(absl::StrCat(path, ", line ", line, ": ",
-                                                 absl::string_view(message.data(), message.size())));
+  return absl::InvalidArgumentError(
+      absl::StrCat(path, ", line ", line, ": ", absl::string_view(message.data(), message.size())));
 }
 
 absl::Status fault(const std::string& path, std::string_view message) {
@@ -132,9 +132,10 @@ absl::StatusOr<double> resolve_unit(const std::string& path, std::optional<doubl
 absl::Status require_metres(const std::string& path, const ReadOptions& options,
                             std::string_view format) {
   if (options.source_unit_m && !same_rate(*options.source_unit_m, 1.0)) {
-    return fault(path, absl::StrCat("--source-unit says ", number_text(*options.source_unit_m),
-                                    " m per unit but ", absl::string_view(format.data(), format.size()),
-                                    " files are in metres; leave --source-unit out"));
+    return fault(path,
+                 absl::StrCat("--source-unit says ", number_text(*options.source_unit_m),
+                              " m per unit but ", absl::string_view(format.data(), format.size()),
+                              " files are in metres; leave --source-unit out"));
   }
   return absl::OkStatus();
 }
@@ -202,7 +203,8 @@ std::string IdTable::name(std::uint64_t id) const {
   return entry == names_.end() ? std::string() : entry->second;
 }
 
-absl::Status check_position(const std::string& path, std::uint64_t line, char axis, double value_m) {
+absl::Status check_position(const std::string& path, std::uint64_t line, char axis,
+                            double value_m) {
   if (std::isfinite(value_m) && std::abs(value_m) <= kMaxPositionM) return absl::OkStatus();
   return fault(path, line,
                absl::StrCat(std::string(1, axis), " is ", number_text(value_m),

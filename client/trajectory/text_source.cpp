@@ -37,10 +37,10 @@ absl::StatusOr<std::size_t> ByteSource::read(char* to, std::size_t size) {
   if (error == Z_ERRNO) {
     return absl::UnavailableError(absl::StrCat(path_, ": ", std::strerror(errno)));
   }
-  return absl::InvalidArgumentError(
-      absl::StrCat(path_, ": ",
-                   error == Z_BUF_ERROR ? "the gzip stream is cut short" : "the gzip stream is damaged",
-                   " (", text, "); copy or write the file again"));
+  return absl::InvalidArgumentError(absl::StrCat(
+      path_, ": ",
+      error == Z_BUF_ERROR ? "the gzip stream is cut short" : "the gzip stream is damaged", " (",
+      text, "); copy or write the file again"));
 }
 
 absl::StatusOr<std::unique_ptr<LineSource>> LineSource::open(const std::string& path,
@@ -77,7 +77,8 @@ absl::StatusOr<bool> LineSource::next(std::string_view& line) {
     if (begin_ > 0 && size > 0) std::memmove(buffer_.data(), start, size);
     begin_ = 0;
     end_ = size;
-    if (buffer_.size() - end_ < (1u << 16)) buffer_.resize(std::max<std::size_t>(2 * end_, 1u << 17));
+    if (buffer_.size() - end_ < (1u << 16))
+      buffer_.resize(std::max<std::size_t>(2 * end_, 1u << 17));
     absl::StatusOr<std::size_t> got = bytes_->read(buffer_.data() + end_, buffer_.size() - end_);
     if (!got.ok()) return got.status();
     if (*got == 0) at_end_ = true;

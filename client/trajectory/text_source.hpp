@@ -34,8 +34,8 @@ class LineSource {
  public:
   static constexpr std::size_t kMaxLineBytes = 1u << 20;
 
-  static absl::StatusOr<std::unique_ptr<LineSource>> open(const std::string& path,
-                                                          std::size_t max_line_bytes = kMaxLineBytes);
+  static absl::StatusOr<std::unique_ptr<LineSource>> open(
+      const std::string& path, std::size_t max_line_bytes = kMaxLineBytes);
   /// False at the end. The view holds until the next call.
   absl::StatusOr<bool> next(std::string_view& line);
   /// Number of the line that `next` gave, from 1.

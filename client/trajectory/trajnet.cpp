@@ -7,8 +7,8 @@
 #include "sorted_reader.hpp"
 #include "text_source.hpp"
 
-/// TrajNet++: one JSON object a line, {"scene": {id, p, s, e, fps, tag}} or {"track": {f, p, x, y}}.
-/// Frame numbers keep the numbering of the video, the rate of a scene is that of the samples.
+/// TrajNet++: one JSON object a line, {"scene": {id, p, s, e, fps, tag}} or {"track": {f, p, x,
+/// y}}. Frame numbers keep the numbering of the video, the rate of a scene is that of the samples.
 namespace throng::trajectory::detail {
 namespace {
 
@@ -57,11 +57,11 @@ class Ingest {
         path_, fps_, options_, "no scene of the file says its samples per second (2.5 is usual)");
     if (!fps.ok()) return fps.status();
     if (predictions_ > 0) {
-      info_.notes.push_back(absl::StrCat(counted(predictions_, "row", "rows"), " of predictions skipped"));
+      info_.notes.push_back(
+          absl::StrCat(counted(predictions_, "row", "rows"), " of predictions skipped"));
     }
-    return make_sorted_reader(path_, std::move(info_), columns_,
-                              {TimeBase::Kind::kSamples, *fps}, without_rate(), std::move(rows_),
-                              IdTable(false));
+    return make_sorted_reader(path_, std::move(info_), columns_, {TimeBase::Kind::kSamples, *fps},
+                              without_rate(), std::move(rows_), IdTable(false));
   }
 
  private:
@@ -78,15 +78,17 @@ class Ingest {
     if (!fps->is_number()) return fault(path_, number, "fps of the scene must be a number");
     const double value = fps->get<double>();
     if (fps_ && !same_rate(*fps_, value)) {
-      return fault(path_, number, absl::StrCat("fps is ", number_text(value), " here and ",
-                                               number_text(*fps_), " in an earlier scene; split the "
-                                               "file"));
+      return fault(path_, number,
+                   absl::StrCat("fps is ", number_text(value), " here and ", number_text(*fps_),
+                                " in an earlier scene; split the "
+                                "file"));
     }
     fps_ = value;
     return absl::OkStatus();
   }
 
-  absl::Status integer(std::uint64_t line, const Json& track, const char* key, std::int64_t& value) const {
+  absl::Status integer(std::uint64_t line, const Json& track, const char* key,
+                       std::int64_t& value) const {
     const auto entry = track.find(key);
     if (entry != track.end() && entry->is_number()) {
       const double number = entry->get<double>();
@@ -95,7 +97,8 @@ class Ingest {
         return absl::OkStatus();
       }
     }
-    return fault(path_, line, absl::StrCat(key, " of the track must be an integer of at most 2^53"));
+    return fault(path_, line,
+                 absl::StrCat(key, " of the track must be an integer of at most 2^53"));
   }
 
   absl::Status add(std::uint64_t line, const Json& track) {
@@ -114,8 +117,10 @@ class Ingest {
       const char* key = axis == 0 ? "x" : "y";
       const auto entry = track.find(key);
       if (entry == track.end() || !entry->is_number()) {
-        return fault(path_, line, absl::StrCat(key, " of the track must be a number; correct or "
-                                                    "remove the line"));
+        return fault(path_, line,
+                     absl::StrCat(key,
+                                  " of the track must be a number; correct or "
+                                  "remove the line"));
       }
       values[axis] = entry->get<double>();
       if (auto s = check_position(path_, line, *key, values[axis]); !s.ok()) return s;

@@ -113,9 +113,8 @@ class Ingest {
 
   ReaderOr run() {
     if (absl::Status s = require_metres(path_, options_, "Vadere"); !s.ok()) return s;
-    absl::StatusOr<double> fps =
-        resolve_fps(path_, options_.source_fps ? std::nullopt : std::optional<double>(kUsualFps),
-                    options_, "");
+    absl::StatusOr<double> fps = resolve_fps(
+        path_, options_.source_fps ? std::nullopt : std::optional<double>(kUsualFps), options_, "");
     if (!fps.ok()) return fps.status();
     info_.format = "vadere-traj";
     info_.fps = *fps;
@@ -132,7 +131,8 @@ class Ingest {
       if (line.empty() || line.front() == '#') continue;
       split_blanks(line, fields);
       if (fields.size() > kMaxColumns) {
-        return fault(path_, (*lines)->number(), absl::StrCat("more than ", kMaxColumns, " columns"));
+        return fault(path_, (*lines)->number(),
+                     absl::StrCat("more than ", kMaxColumns, " columns"));
       }
       const absl::Status status = names_.empty()
                                       ? read_names((*lines)->number(), fields)
@@ -146,16 +146,17 @@ class Ingest {
     if (!(span_s * info_.fps <= kMaxFrames)) {
       return fault(path_, absl::StrCat("the footsteps span ", number_text(span_s), " s, ",
                                        number_text(span_s * info_.fps), " frames at ",
-                                       number_text(info_.fps), " a second; at most 1e7 frames are "
+                                       number_text(info_.fps),
+                                       " a second; at most 1e7 frames are "
                                        "read: correct the times or give a lower --source-fps"));
     }
     if (absl::Status s = steps_->finish(); !s.ok()) return s;
     info_.notes.push_back(absl::StrCat(steps_->row_count(), " footsteps, shown at ",
                                        number_text(info_.fps),
                                        " frames per second; --source-fps gives another rate"));
-    return std::unique_ptr<Reader>(std::make_unique<VadereReader>(
-        path_, std::move(info_), first_s_, last_s_, channels_.size(), std::move(leaves_s_),
-        std::move(steps_)));
+    return std::unique_ptr<Reader>(
+        std::make_unique<VadereReader>(path_, std::move(info_), first_s_, last_s_, channels_.size(),
+                                       std::move(leaves_s_), std::move(steps_)));
   }
 
  private:
@@ -198,29 +199,32 @@ class Ingest {
   absl::Status add(std::uint64_t line, const std::vector<std::string_view>& fields,
                    bool unterminated) {
     if (fields.size() != names_.size()) {
-      return fault(path_, line,
-                   absl::StrCat("the row has ", fields.size(), " columns, the header names ",
-                                names_.size(),
-                                unterminated ? "; the file is cut short: remove its last line"
-                                             : "; correct or remove the row"));
+      return fault(
+          path_, line,
+          absl::StrCat("the row has ", fields.size(), " columns, the header names ", names_.size(),
+                       unterminated ? "; the file is cut short: remove its last line"
+                                    : "; correct or remove the row"));
     }
     if (steps_ == nullptr) begin(fields);
     std::int64_t id = 0;
     if (!parse_integer(fields[id_], id) || id < 0) {
-      return fault(path_, line, absl::StrCat("pedestrianId is ", quoted(fields[id_]),
-                                             ", must be an integer from 0"));
+      return fault(
+          path_, line,
+          absl::StrCat("pedestrianId is ", quoted(fields[id_]), ", must be an integer from 0"));
     }
     values_.clear();
     for (const std::size_t column : {start_, end_, from_x_, from_y_, to_x_, to_y_}) {
       double value = 0.0;
       if (!parse_number(fields[column], value)) {
-        return fault(path_, line, absl::StrCat(names_[column], " is ", quoted(fields[column]),
-                                               ", must be a number; correct or remove the row"));
+        return fault(path_, line,
+                     absl::StrCat(names_[column], " is ", quoted(fields[column]),
+                                  ", must be a number; correct or remove the row"));
       }
       const bool time = column == start_ || column == end_;
       if (time && !(std::abs(value) <= kMaxTimeS)) {
-        return fault(path_, line, absl::StrCat(names_[column], " is ", number_text(value),
-                                               " s, must be between -1e12 and 1e12 s"));
+        return fault(path_, line,
+                     absl::StrCat(names_[column], " is ", number_text(value),
+                                  " s, must be between -1e12 and 1e12 s"));
       }
       if (!time) {
         const char axis = column == from_x_ || column == to_x_ ? 'x' : 'y';
@@ -230,8 +234,9 @@ class Ingest {
     }
     const double start_s = values_[0], end_s = values_[1];
     if (end_s < start_s) {
-      return fault(path_, line, absl::StrCat("endTime is ", number_text(end_s), ", before simTime ",
-                                             number_text(start_s), "; correct or remove the row"));
+      return fault(path_, line,
+                   absl::StrCat("endTime is ", number_text(end_s), ", before simTime ",
+                                number_text(start_s), "; correct or remove the row"));
     }
     for (const std::size_t column : channels_) {
       double value = 0.0;

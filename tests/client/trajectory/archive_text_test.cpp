@@ -48,9 +48,11 @@ TEST_F(ArchiveTextTest, GroundZIsReadOnlyWhenAskedFor) {
 }
 
 TEST_F(ArchiveTextTest, BytesThatEditorsAddAreNoData) {
-  const Reading reading = read_all(write(
-      "a.txt", "\xEF\xBB\xBF# framerate: 25.00\r\n\r\n# id\tframe\tx/cm\ty/cm\tz/cm\r\n\r\n1\t0\t150\t-20\t176\r\n"
-               "1 1  +151   -20.5 176"));
+  const Reading reading =
+      read_all(write("a.txt",
+                     "\xEF\xBB\xBF# framerate: 25.00\r\n\r\n# "
+                     "id\tframe\tx/cm\ty/cm\tz/cm\r\n\r\n1\t0\t150\t-20\t176\r\n"
+                     "1 1  +151   -20.5 176"));
   ASSERT_TRUE(reading.status.ok()) << reading.status;
   ASSERT_EQ(reading.frames.size(), 2u);
   EXPECT_DOUBLE_EQ(reading.frames[0].x_m[0], 1.5);
@@ -64,9 +66,10 @@ TEST_F(ArchiveTextTest, GzippedFileReadsAlike) {
 }
 
 TEST_F(ArchiveTextTest, ViewDirectionBecomesHeadingAndZeroIsUnknown) {
-  const Reading reading = read_all(write("a.txt",
-                                         "# framerate: 10\n# id frame x/m y/m z/m viewDirX viewDirY\n"
-                                         "1 0 0 0 1.7 0 1\n2 0 1 1 1.7 0 0\n"));
+  const Reading reading =
+      read_all(write("a.txt",
+                     "# framerate: 10\n# id frame x/m y/m z/m viewDirX viewDirY\n"
+                     "1 0 0 0 1.7 0 1\n2 0 1 1 1.7 0 0\n"));
   ASSERT_TRUE(reading.status.ok()) << reading.status;
   EXPECT_NEAR(reading.frames[0].heading_rad[0], M_PI / 2, 1e-6);
   EXPECT_TRUE(std::isnan(reading.frames[0].heading_rad[1]));
@@ -74,7 +77,8 @@ TEST_F(ArchiveTextTest, ViewDirectionBecomesHeadingAndZeroIsUnknown) {
 
 TEST_F(ArchiveTextTest, EverybodyGoneMeansAnEmptyFrame) {
   const Reading reading = read_all(
-      write("a.txt", "# framerate: 10\n# x/m\n1 0 0 0\n1 1 0 0\n1 2 0 0\n2 50 5 5\n2 51 5 5\n2 53 5 5\n"),
+      write("a.txt",
+            "# framerate: 10\n# x/m\n1 0 0 0\n1 1 0 0\n1 2 0 0\n2 50 5 5\n2 51 5 5\n2 53 5 5\n"),
       test::with_unit(1.0));
   ASSERT_TRUE(reading.status.ok()) << reading.status;
   ASSERT_EQ(reading.frames.size(), 7u);
@@ -96,7 +100,8 @@ TEST_F(ArchiveTextTest, MissingUnitNamesTheOption) {
 }
 
 TEST_F(ArchiveTextTest, OptionsFillWhatTheFileLeavesOut) {
-  const Reading reading = read_all(write("a.txt", "1 0 100 200 170\n"), test::with_fps_and_unit(16, 0.01));
+  const Reading reading =
+      read_all(write("a.txt", "1 0 100 200 170\n"), test::with_fps_and_unit(16, 0.01));
   ASSERT_TRUE(reading.status.ok()) << reading.status;
   EXPECT_EQ(reading.info.fps, 16.0);
   EXPECT_DOUBLE_EQ(reading.frames[0].x_m[0], 1.0);
@@ -106,22 +111,29 @@ TEST_F(ArchiveTextTest, ContradictionsAreErrors) {
   const std::string file = write("a.txt", kGood);
   expect_error(read_all(file, test::with_fps(30)).status, {file, "30", "25", "--source-fps"});
   expect_error(read_all(file, test::with_unit(0.01)).status, {file, "0.01", "--source-unit"});
-  expect_error(read_all(write("b.txt", "# framerate: 25\n# x in m\n# id frame x/cm y/cm z/cm\n1 0 1 2 3\n")).status,
-               {"line 3", "line 2"});
-  expect_error(read_all(write("c.txt", "# framerate: 25\n# framerate: 16\n# x/m\n1 0 1 2 3\n")).status,
-               {"line 2", "16", "25", "line 1"});
+  expect_error(
+      read_all(write("b.txt", "# framerate: 25\n# x in m\n# id frame x/cm y/cm z/cm\n1 0 1 2 3\n"))
+          .status,
+      {"line 3", "line 2"});
+  expect_error(
+      read_all(write("c.txt", "# framerate: 25\n# framerate: 16\n# x/m\n1 0 1 2 3\n")).status,
+      {"line 2", "16", "25", "line 1"});
 }
 
 TEST_F(ArchiveTextTest, BrokenRowsAreNamedWithTheirLine) {
   const std::string head = "# framerate: 25\n# id frame x/m y/m z/m\n1 0 1 2 1.7\n";
-  expect_error(read_all(write("a.txt", head + "1 1 x 2 1.7\n")).status, {path("a.txt"), "line 4", "'x'"});
+  expect_error(read_all(write("a.txt", head + "1 1 x 2 1.7\n")).status,
+               {path("a.txt"), "line 4", "'x'"});
   expect_error(read_all(write("a.txt", head + "1 1 1,5 2 1.7\n")).status, {"line 4", "comma"});
-  expect_error(read_all(write("a.txt", head + "1 1.5 1 2 1.7\n")).status, {"line 4", "frame", "'1.5'"});
+  expect_error(read_all(write("a.txt", head + "1 1.5 1 2 1.7\n")).status,
+               {"line 4", "frame", "'1.5'"});
   expect_error(read_all(write("a.txt", head + "-1 1 1 2 1.7\n")).status, {"line 4", "id", "'-1'"});
   expect_error(read_all(write("a.txt", head + "1 1 nan 2 1.7\n")).status, {"line 4", "x is nan"});
   expect_error(read_all(write("a.txt", head + "1 1 1e9 2 1.7\n")).status, {"line 4", "1e8"});
-  expect_error(read_all(write("a.txt", head + "1 0 3 2 1.7\n")).status, {"line 4", "twice", "line 3"});
-  expect_error(read_all(write("a.txt", head + "1 99999999999999999999 3 2 1.7\n")).status, {"line 4", "frame"});
+  expect_error(read_all(write("a.txt", head + "1 0 3 2 1.7\n")).status,
+               {"line 4", "twice", "line 3"});
+  expect_error(read_all(write("a.txt", head + "1 99999999999999999999 3 2 1.7\n")).status,
+               {"line 4", "frame"});
 }
 
 TEST_F(ArchiveTextTest, TruncatedFileSaysSo) {
@@ -139,22 +151,31 @@ TEST_F(ArchiveTextTest, TruncatedFileSaysSo) {
     bytes.assign(buffer, std::fread(buffer, 1, sizeof buffer, in));
     std::fclose(in);
   }
-  expect_error(read_all(write("c.txt.gz", bytes.substr(0, bytes.size() / 2))).status, {"cut short"});
+  expect_error(read_all(write("c.txt.gz", bytes.substr(0, bytes.size() / 2))).status,
+               {"cut short"});
 }
 
 TEST_F(ArchiveTextTest, HostileFilesEndInOneError) {
   expect_error(read_all(write("a.txt", "")).status, {"empty"});
   expect_error(read_all(write("a.txt", " \n\n")).status, {"blanks"});
-  expect_error(read_all(write("a.txt", std::string("\x7f" "ELF\0\0\0\0", 8))).status, {"binary"});
-  expect_error(read_all(write("a.txt", "1 0 1 2 3\n" + std::string(3u << 20, '7'))).status, {"--source-fps"});
-  expect_error(read_all(write("a.txt", "# framerate: 25\n# x in m\n1 0 1 2 3\n" + std::string(3u << 20, '7'))).status,
+  expect_error(read_all(write("a.txt", std::string("\x7f"
+                                                   "ELF\0\0\0\0",
+                                                   8)))
+                   .status,
+               {"binary"});
+  expect_error(read_all(write("a.txt", "1 0 1 2 3\n" + std::string(3u << 20, '7'))).status,
+               {"--source-fps"});
+  expect_error(read_all(write("a.txt", "# framerate: 25\n# x in m\n1 0 1 2 3\n" +
+                                           std::string(3u << 20, '7')))
+                   .status,
                {"line 4", "longer"});
-  expect_error(read_all(write("a.txt", "# framerate: 0\n# x/m\n1 0 1 2 3\n")).status, {"line 1", "0"});
+  expect_error(read_all(write("a.txt", "# framerate: 0\n# x/m\n1 0 1 2 3\n")).status,
+               {"line 1", "0"});
   EXPECT_EQ(read_all(path("nothing")).status.code(), absl::StatusCode::kNotFound);
   expect_error(read_all(path(".")).status, {"regular file"});
   // Frames at both ends of what is allowed cost no more than two frames.
-  const Reading far = read_all(
-      write("a.txt", "# framerate: 100000\n# x in m\n1 -9007199254740992 0 0\n1 9007199254740992 1 1\n"));
+  const Reading far = read_all(write(
+      "a.txt", "# framerate: 100000\n# x in m\n1 -9007199254740992 0 0\n1 9007199254740992 1 1\n"));
   ASSERT_TRUE(far.status.ok()) << far.status;
   EXPECT_EQ(far.frames.size(), 2u);
 }
@@ -179,8 +200,9 @@ TEST_F(ArchiveTextTest, MoreRowsThanMemoryAreSortedThroughAFile) {
     EXPECT_EQ(got.x_m[49], 49.0);
     EXPECT_EQ(got.y_m[0], frame);
   }
-  const bool noted = std::any_of(reading.info.notes.begin(), reading.info.notes.end(),
-                                 [](const std::string& note) { return note.find("temporary") != note.npos; });
+  const bool noted =
+      std::any_of(reading.info.notes.begin(), reading.info.notes.end(),
+                  [](const std::string& note) { return note.find("temporary") != note.npos; });
   EXPECT_TRUE(noted);
 }
 
@@ -213,7 +235,8 @@ TEST_F(JpscoreTextTest, CentimetresContradictIt) {
 }
 
 TEST_F(JpscoreTextTest, TruncatedRowIsNamed) {
-  expect_error(read_all(write("a.txt", std::string(kJpscore) + "3\t0\t1")).status, {"line 14", "cut short"});
+  expect_error(read_all(write("a.txt", std::string(kJpscore) + "3\t0\t1")).status,
+               {"line 14", "cut short"});
 }
 
 TEST_F(JpscoreTextTest, MutatedFilesNeverCrash) {
@@ -241,8 +264,10 @@ TEST_F(ObsmatTest, RateOfTheVideoMayBeGiven) {
   const Reading reading = read_all(write("obsmat.txt", kObsmat), test::with_fps(50));
   ASSERT_TRUE(reading.status.ok()) << reading.status;
   EXPECT_DOUBLE_EQ(reading.info.fps, 5.0);
-  expect_error(read_all(write("obsmat.txt", kObsmat), test::with_fps(-1)).status, {"--source-fps", "-1"});
-  expect_error(read_all(write("obsmat.txt", kObsmat), test::with_unit(0.01)).status, {"--source-unit"});
+  expect_error(read_all(write("obsmat.txt", kObsmat), test::with_fps(-1)).status,
+               {"--source-fps", "-1"});
+  expect_error(read_all(write("obsmat.txt", kObsmat), test::with_unit(0.01)).status,
+               {"--source-unit"});
 }
 
 TEST_F(ObsmatTest, TruncatedRowIsNamed) {

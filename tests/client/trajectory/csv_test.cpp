@@ -17,7 +17,8 @@ class CsvTest : public FileTest {};
 
 constexpr const char* kGood =
     "time_s,id,x_m,y_m,heading_rad,speed,group\n"
-    "0.0,1,1.5,2.5,1.57,1.2,red\n0.0,2,3,4,,0.9,blue\n0.1,1,1.6,2.5,1.57,,red\n0.2,2,3,5,0,1,blue\n";
+    "0.0,1,1.5,2.5,1.57,1.2,red\n0.0,2,3,4,,0.9,blue\n0.1,1,1.6,2.5,1.57,,red\n0.2,2,3,5,0,1,"
+    "blue\n";
 
 TEST_F(CsvTest, ReadsTimesHeadingsAndChannels) {
   const Reading reading = read_all(write("a.csv", kGood));
@@ -35,10 +36,11 @@ TEST_F(CsvTest, ReadsTimesHeadingsAndChannels) {
 }
 
 TEST_F(CsvTest, DelimitersAndSpellingsOfOtherProgramsAreKnown) {
-  for (const char* text : {"frame;id;x;y\n0;1;150;200\n", "Frame\tID\tX\tY\n0\t1\t150\t200\n",
-                           "y/cm,x/cm,agent_id,frame_number\n200,150,1,0\n",
-                           "\"frame\",\"ped_id\",\"x [cm]\",\"y [cm]\"\n0,1,150,200\n",
-                           "frame id x y\n0 1 150 200\n", "# framerate: 25\nframe,id,x_cm,y_cm\n0,1,150,200,\n"}) {
+  for (const char* text :
+       {"frame;id;x;y\n0;1;150;200\n", "Frame\tID\tX\tY\n0\t1\t150\t200\n",
+        "y/cm,x/cm,agent_id,frame_number\n200,150,1,0\n",
+        "\"frame\",\"ped_id\",\"x [cm]\",\"y [cm]\"\n0,1,150,200\n", "frame id x y\n0 1 150 200\n",
+        "# framerate: 25\nframe,id,x_cm,y_cm\n0,1,150,200,\n"}) {
     const Reading reading = read_all(write("a.csv", text), test::with_fps_and_unit(25, 0.01));
     ASSERT_TRUE(reading.status.ok()) << reading.status << text;
     EXPECT_THAT(reading.frames[0].ids, ElementsAre(1u)) << text;
@@ -69,37 +71,49 @@ TEST_F(CsvTest, NamesAsIdsAreHashedAndKept) {
 }
 
 TEST_F(CsvTest, FramesWithoutRateNameTheOption) {
-  expect_error(read_all(write("a.csv", "frame,id,x_m,y_m\n0,1,0,0\n")).status, {path("a.csv"), "--source-fps"});
+  expect_error(read_all(write("a.csv", "frame,id,x_m,y_m\n0,1,0,0\n")).status,
+               {path("a.csv"), "--source-fps"});
 }
 
 TEST_F(CsvTest, UnitIsAssumedOnlyWhenPeopleCouldMoveThatFast) {
   const Reading reading = read_all(write("a.csv", "t,id,x,y\n0,1,0,0\n1,1,1.3,0\n"));
   ASSERT_TRUE(reading.status.ok()) << reading.status;
   EXPECT_THAT(reading.info.notes, ::testing::Contains(::testing::HasSubstr("metres")));
-  expect_error(read_all(write("a.csv", "t,id,x,y\n0,1,0,0\n1,1,130,0\n")).status, {"130 m/s", "--source-unit"});
+  expect_error(read_all(write("a.csv", "t,id,x,y\n0,1,0,0\n1,1,130,0\n")).status,
+               {"130 m/s", "--source-unit"});
 }
 
 TEST_F(CsvTest, ContradictionsAreErrors) {
-  expect_error(read_all(write("a.csv", kGood), test::with_unit(0.01)).status, {"--source-unit", "0.01"});
-  expect_error(read_all(write("a.csv", kGood), test::with_fps(30)).status, {"--source-fps", "30", "10"});
+  expect_error(read_all(write("a.csv", kGood), test::with_unit(0.01)).status,
+               {"--source-unit", "0.01"});
+  expect_error(read_all(write("a.csv", kGood), test::with_fps(30)).status,
+               {"--source-fps", "30", "10"});
   expect_error(read_all(write("a.csv", "t,id,x_m,y_cm\n0,1,0,0\n")).status, {"line 1", "y_cm"});
-  expect_error(read_all(write("a.csv", "t,time,id,x,y\n0,0,1,0,0\n")).status, {"line 1", "'t'", "'time'"});
+  expect_error(read_all(write("a.csv", "t,time,id,x,y\n0,0,1,0,0\n")).status,
+               {"line 1", "'t'", "'time'"});
   expect_error(read_all(write("a.csv", "t_min,id,x [ft],y\n0,1,0,0\n")).status, {"line 1", "'ft'"});
 }
 
 TEST_F(CsvTest, BrokenRowsAreNamedWithTheirLine) {
-  expect_error(read_all(write("a.csv", "t,id,x_m,y_m\n0,1,0,0\n1,1,abc,0\n")).status, {"line 3", "'abc'", "x_m"});
-  expect_error(read_all(write("a.csv", "t,id,x_m,y_m\n0,1,0,0\n1,1,\"0,5\",0\n")).status, {"line 3", "comma"});
-  expect_error(read_all(write("a.csv", "t,id,x_m,y_m\n0,1,0,0\n1,,0,0\n")).status, {"line 3", "id is empty"});
-  expect_error(read_all(write("a.csv", "t,id,x_m,y_m\n0,1,0,0\n0,1,0,0\n")).status, {"line 3", "twice", "line 2"});
+  expect_error(read_all(write("a.csv", "t,id,x_m,y_m\n0,1,0,0\n1,1,abc,0\n")).status,
+               {"line 3", "'abc'", "x_m"});
+  expect_error(read_all(write("a.csv", "t,id,x_m,y_m\n0,1,0,0\n1,1,\"0,5\",0\n")).status,
+               {"line 3", "comma"});
+  expect_error(read_all(write("a.csv", "t,id,x_m,y_m\n0,1,0,0\n1,,0,0\n")).status,
+               {"line 3", "id is empty"});
+  expect_error(read_all(write("a.csv", "t,id,x_m,y_m\n0,1,0,0\n0,1,0,0\n")).status,
+               {"line 3", "twice", "line 2"});
   expect_error(read_all(write("a.csv", "t,id,x_m,y_m\ninf,1,0,0\n")).status, {"line 2", "time"});
-  expect_error(read_all(write("a.csv", "t,id,x_m,y_m\n0,1,0,0\n1,\"1,0,0\n")).status, {"line 3", "quote"});
-  expect_error(read_all(write("a.csv", "a,b,c\n0,1,0\n")).status, {"line 1", "time_s or frame", "a, b, c"});
+  expect_error(read_all(write("a.csv", "t,id,x_m,y_m\n0,1,0,0\n1,\"1,0,0\n")).status,
+               {"line 3", "quote"});
+  expect_error(read_all(write("a.csv", "a,b,c\n0,1,0\n")).status,
+               {"line 1", "time_s or frame", "a, b, c"});
   expect_error(read_all(write("a.csv", "0,1,0,0\n1,1,2,0\n")).status, {"line 1", "column names"});
 }
 
 TEST_F(CsvTest, TruncatedFileSaysSo) {
-  expect_error(read_all(write("a.csv", "t,id,x_m,y_m\n0,1,0,0\n1,1,2")).status, {"line 3", "cut short"});
+  expect_error(read_all(write("a.csv", "t,id,x_m,y_m\n0,1,0,0\n1,1,2")).status,
+               {"line 3", "cut short"});
   expect_error(read_all(write("a.csv", "t,id,x_m,y_m\n")).status, {"cut short"});
 }
 
@@ -107,8 +121,9 @@ TEST_F(CsvTest, HostileHeaderIsRefused) {
   std::string wide = "t,id,x,y";
   for (int i = 0; i < 5000; ++i) wide += ",c" + std::to_string(i);
   expect_error(read_all(write("a.csv", wide + "\n")).status, {"line 1", "1024"});
-  expect_error(read_all(write("a.csv", "t,id,x_m,y_m\n0," + std::string(10000, 'a') + ",0,0\n")).status,
-               {"line 2", "4096"});
+  expect_error(
+      read_all(write("a.csv", "t,id,x_m,y_m\n0," + std::string(10000, 'a') + ",0,0\n")).status,
+      {"line 2", "4096"});
 }
 
 TEST_F(CsvTest, MutatedFilesNeverCrash) {
@@ -118,9 +133,11 @@ TEST_F(CsvTest, MutatedFilesNeverCrash) {
 TEST_F(CsvTest, PathfinderUnitsRowAndInactiveAgents) {
   const Reading reading = read_all(write(
       "a.csv",
-      "\"t\",\"id\",\"name\",\"active\",\"x\",\"y\",\"z\",\"v\",\"location\"\n\"s\",\"\",\"\",\"\",\"m\",\"m\",\"m\",\"m/s\",\"\"\n"
+      "\"t\",\"id\",\"name\",\"active\",\"x\",\"y\",\"z\",\"v\",\"location\"\n\"s\",\"\",\"\",\"\","
+      "\"m\",\"m\",\"m\",\"m/s\",\"\"\n"
       "0.0,0,\"00001\",0,1,2,0.5,0,\"Room \"\"A\"\", north\"\n1.0,0,\"00001\",0,1,2,0.5,0,\"R\"\n"
-      "2.0,0,\"00001\",1,1,3,0.5,1.0,\"R\"\n3.0,0,\"00001\",0,1,4,0.5,1.0,\"R\"\n4.0,0,\"00001\",0,1,4,0.5,0,\"R\"\n"));
+      "2.0,0,\"00001\",1,1,3,0.5,1.0,\"R\"\n3.0,0,\"00001\",0,1,4,0.5,1.0,\"R\"\n4.0,0,\"00001\",0,"
+      "1,4,0.5,0,\"R\"\n"));
   ASSERT_TRUE(reading.status.ok()) << reading.status;
   EXPECT_EQ(reading.info.format, "pathfinder-csv");
   ASSERT_EQ(reading.frames.size(), 5u);
@@ -134,8 +151,9 @@ TEST_F(CsvTest, PathfinderUnitsRowAndInactiveAgents) {
 
 TEST_F(CsvTest, SumoTableSkipsVehiclesAndTurnsCompassAngles) {
   const Reading reading = read_all(write(
-      "a.csv", "timestep_time;person_id;person_x;person_y;person_angle;vehicle_id;vehicle_x;vehicle_y\n"
-               "0.00;p0;1;2;90;;;\n0.00;;;;;v0;5;5\n1.00;p0;2;2;0;;;\n"));
+      "a.csv",
+      "timestep_time;person_id;person_x;person_y;person_angle;vehicle_id;vehicle_x;vehicle_y\n"
+      "0.00;p0;1;2;90;;;\n0.00;;;;;v0;5;5\n1.00;p0;2;2;0;;;\n"));
   ASSERT_TRUE(reading.status.ok()) << reading.status;
   EXPECT_EQ(reading.info.format, "sumo-fcd-csv");
   EXPECT_NEAR(reading.frames[0].heading_rad[0], 0.0, 1e-6);

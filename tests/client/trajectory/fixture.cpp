@@ -25,7 +25,8 @@ FileTest::~FileTest() {
 }
 
 std::string FileTest::write(const std::string& name, std::string_view bytes) const {
-  std::ofstream(path(name), std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  std::ofstream(path(name), std::ios::binary)
+      .write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   return path(name);
 }
 
@@ -98,21 +99,52 @@ void survive_mutations(const std::string& good_path, const std::string& scratch_
   ASSERT_FALSE(good.empty());
   std::mt19937 random(20260101);  // the same files every time
   const auto below = [&](std::size_t limit) { return random() % std::max<std::size_t>(limit, 1); };
-  static constexpr std::string_view kNasty[] = {
-      "-",  "nan", "inf", "1e999", "99999999999999999999", "\n", "\0", "\"", "<", "&", ";", ",",
-      "\t", "#",   "-1",  "1e300", "9223372036854775807",  "  ", "{",  "]",  "0", "\xff\xfe"};
+  static constexpr std::string_view kNasty[] = {"-",
+                                                "nan",
+                                                "inf",
+                                                "1e999",
+                                                "99999999999999999999",
+                                                "\n",
+                                                "\0",
+                                                "\"",
+                                                "<",
+                                                "&",
+                                                ";",
+                                                ",",
+                                                "\t",
+                                                "#",
+                                                "-1",
+                                                "1e300",
+                                                "9223372036854775807",
+                                                "  ",
+                                                "{",
+                                                "]",
+                                                "0",
+                                                "\xff\xfe"};
   int failed = 0;
   for (int i = 0; i < count && !::testing::Test::HasFailure(); ++i) {
     std::string bad = good;
     for (std::size_t edits = 1 + below(4); edits > 0 && !bad.empty(); --edits) {
       const std::size_t at = below(bad.size());
       switch (below(6)) {
-        case 0: bad.resize(at); break;
-        case 1: bad[at] = static_cast<char>(random()); break;
-        case 2: bad[at] = static_cast<char>(bad[at] ^ (1 << below(8))); break;
-        case 3: bad.erase(at, 1 + below(20)); break;
-        case 4: bad.insert(at, bad.substr(below(bad.size()), 1 + below(60))); break;
-        default: bad.insert(at, kNasty[below(std::size(kNasty))]); break;
+        case 0:
+          bad.resize(at);
+          break;
+        case 1:
+          bad[at] = static_cast<char>(random());
+          break;
+        case 2:
+          bad[at] = static_cast<char>(bad[at] ^ (1 << below(8)));
+          break;
+        case 3:
+          bad.erase(at, 1 + below(20));
+          break;
+        case 4:
+          bad.insert(at, bad.substr(below(bad.size()), 1 + below(60)));
+          break;
+        default:
+          bad.insert(at, kNasty[below(std::size(kNasty))]);
+          break;
       }
     }
     // A new file each time: file systems flush one that is cut to nothing and written again.

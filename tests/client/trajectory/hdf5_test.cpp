@@ -37,21 +37,24 @@ class Hdf5Test : public FileTest {
     const hid_t space = H5Screate_simple(1, &length, nullptr);
     const hid_t creation = H5Pcreate(H5P_DATASET_CREATE);
     H5Pset_chunk(creation, 1, &chunk);
-    const hid_t data = H5Dcreate2(file, "trajectory", type, space, H5P_DEFAULT, creation, H5P_DEFAULT);
+    const hid_t data =
+        H5Dcreate2(file, "trajectory", type, space, H5P_DEFAULT, creation, H5P_DEFAULT);
     const hid_t memory = H5Screate_simple(1, &size, nullptr);
     const hsize_t start = 0;
     H5Sselect_hyperslab(space, H5S_SELECT_SET, &start, nullptr, &size, nullptr);
     H5Dwrite(data, type, memory, space, H5P_DEFAULT, rows.data());
     const hid_t scalar = H5Screate(H5S_SCALAR);
     if (fps > 0) {
-      const hid_t attribute = H5Acreate2(data, "fps", H5T_NATIVE_DOUBLE, scalar, H5P_DEFAULT, H5P_DEFAULT);
+      const hid_t attribute =
+          H5Acreate2(data, "fps", H5T_NATIVE_DOUBLE, scalar, H5P_DEFAULT, H5P_DEFAULT);
       H5Awrite(attribute, H5T_NATIVE_DOUBLE, &fps);
       H5Aclose(attribute);
     }
     const hid_t text = H5Tcopy(H5T_C_S1);
     H5Tset_size(text, H5T_VARIABLE);
     const char* wkt = "POLYGON ((0 0, 1 0, 1 1, 0 0))";
-    const hid_t attribute = H5Acreate2(file, "wkt_geometry", text, scalar, H5P_DEFAULT, H5P_DEFAULT);
+    const hid_t attribute =
+        H5Acreate2(file, "wkt_geometry", text, scalar, H5P_DEFAULT, H5P_DEFAULT);
     H5Awrite(attribute, text, &wkt);
     H5Aclose(attribute);
     for (const hid_t id : {scalar, space, memory}) H5Sclose(id);
@@ -77,7 +80,8 @@ TEST_F(Hdf5Test, ReadsColumnsByNameAndRateOfItsAttribute) {
 }
 
 TEST_F(Hdf5Test, ContradictionsAndMissingRateAreErrors) {
-  expect_error(read_all(make("a.h5", rows_, 25), test::with_fps(16)).status, {"--source-fps", "16", "25"});
+  expect_error(read_all(make("a.h5", rows_, 25), test::with_fps(16)).status,
+               {"--source-fps", "16", "25"});
   expect_error(read_all(path("a.h5"), test::with_unit(0.01)).status, {"--source-unit"});
   expect_error(read_all(make("b.h5", rows_, 0)).status, {"fps", "--source-fps"});
 }
@@ -90,7 +94,8 @@ TEST_F(Hdf5Test, TruncatedFileIsAnError) {
 
 TEST_F(Hdf5Test, HostileFilesAreRefused) {
   expect_error(read_all(make("a.h5", rows_, 25, "east")).status, {"named x"});
-  expect_error(read_all(make("b.h5", rows_, 25, "x", hsize_t{1} << 40)).status, {"1099511627776", "cut short"});
+  expect_error(read_all(make("b.h5", rows_, 25, "x", hsize_t{1} << 40)).status,
+               {"1099511627776", "cut short"});
   expect_error(read_all(make("c.h5", {{0, 1, std::nan(""), 0, 0}}, 25)).status, {"x is"});
   const hid_t file = H5Fcreate(path("d.h5").c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
   H5Lcreate_external("/etc/passwd", "/trajectory", file, "trajectory", H5P_DEFAULT, H5P_DEFAULT);

@@ -42,7 +42,8 @@ constexpr const char* kV3 =
     "CREATE TABLE geometry(hash INTEGER NOT NULL, wkt TEXT NOT NULL);"
     "CREATE TABLE frame_data(frame INTEGER NOT NULL, geometry_hash INTEGER NOT NULL);"
     "INSERT INTO metadata VALUES('version','3'),('fps','25.0');"
-    "INSERT INTO geometry VALUES(-5,'POLYGON ((1 1, 9 0, 9 9, 1 1))'),(7,'POLYGON ((0 0, 9 0, 9 9, 0 0))');"
+    "INSERT INTO geometry VALUES(-5,'POLYGON ((1 1, 9 0, 9 9, 1 1))'),(7,'POLYGON ((0 0, 9 0, 9 9, "
+    "0 0))');"
     "INSERT INTO frame_data VALUES(0,7),(1,7),(2,-5),(3,-5);"
     "INSERT INTO trajectory_data VALUES(1,8,1,2),(1,3,3,4),(2,8,1,2.1);";
 
@@ -69,12 +70,14 @@ TEST_F(JupedsimSqliteTest, Version3ListsFramesWithNobody) {
   EXPECT_TRUE(reading.frames[1].heading_rad.empty());
   EXPECT_TRUE(reading.frames[3].ids.empty());
   EXPECT_EQ(reading.frames[3].time_us, 120000);
-  EXPECT_EQ(reading.info.walkable_area_wkt, "POLYGON ((0 0, 9 0, 9 9, 0 0))") << "that of the first frame";
+  EXPECT_EQ(reading.info.walkable_area_wkt, "POLYGON ((0 0, 9 0, 9 9, 0 0))")
+      << "that of the first frame";
   EXPECT_THAT(reading.info.notes, ::testing::Contains(::testing::HasSubstr("geometry changes")));
 }
 
 TEST_F(JupedsimSqliteTest, Version3UpgradedFromVersion2KeepsItsOrientations) {
-  const Reading reading = read_all(database(std::string(kV1) + "UPDATE metadata SET value='3' WHERE key='version'"));
+  const Reading reading =
+      read_all(database(std::string(kV1) + "UPDATE metadata SET value='3' WHERE key='version'"));
   ASSERT_TRUE(reading.status.ok()) << reading.status;
   EXPECT_FALSE(reading.frames[0].heading_rad.empty());
 }
@@ -105,36 +108,49 @@ TEST_F(JupedsimSqliteTest, BrokenRowsAreNamed) {
   const std::string loose = std::string(kMeta) +
                             "CREATE TABLE trajectory_data(frame, id, pos_x, pos_y);"
                             "INSERT INTO metadata VALUES('fps','25');";
-  expect_error(read_all(database(loose + "INSERT INTO trajectory_data VALUES(0,1,'left',2)")).status,
-               {"trajectory_data, row 1", "pos_x"});
-  expect_error(read_all(database(loose + "INSERT INTO trajectory_data VALUES(0,1,1,NULL)")).status, {"pos_y", "empty"});
-  expect_error(read_all(database(loose + "INSERT INTO trajectory_data VALUES('a',1,1,1)")).status, {"frame"});
-  expect_error(read_all(database(loose + "INSERT INTO trajectory_data VALUES(0,-4,1,1)")).status, {"id"});
-  expect_error(read_all(database(loose + "INSERT INTO trajectory_data VALUES(0,1,9e999,1)")).status, {"pos_x", "inf"});
-  expect_error(read_all(database(loose + "INSERT INTO trajectory_data VALUES(0,1,1,1),(0,1,1,1)")).status,
-               {"row 2", "twice"});
+  expect_error(
+      read_all(database(loose + "INSERT INTO trajectory_data VALUES(0,1,'left',2)")).status,
+      {"trajectory_data, row 1", "pos_x"});
+  expect_error(read_all(database(loose + "INSERT INTO trajectory_data VALUES(0,1,1,NULL)")).status,
+               {"pos_y", "empty"});
+  expect_error(read_all(database(loose + "INSERT INTO trajectory_data VALUES('a',1,1,1)")).status,
+               {"frame"});
+  expect_error(read_all(database(loose + "INSERT INTO trajectory_data VALUES(0,-4,1,1)")).status,
+               {"id"});
+  expect_error(read_all(database(loose + "INSERT INTO trajectory_data VALUES(0,1,9e999,1)")).status,
+               {"pos_x", "inf"});
+  expect_error(
+      read_all(database(loose + "INSERT INTO trajectory_data VALUES(0,1,1,1),(0,1,1,1)")).status,
+      {"row 2", "twice"});
   expect_error(read_all(database(loose)).status, {"no rows"});
-  expect_error(read_all(database(loose + "UPDATE metadata SET value='fast'")).status, {"fps", "'fast'"});
+  expect_error(read_all(database(loose + "UPDATE metadata SET value='fast'")).status,
+               {"fps", "'fast'"});
 }
 
 TEST_F(JupedsimSqliteTest, TruncatedFileIsAnError) {
   std::string sql = kV3;
-  for (int i = 10; i < 3000; ++i) sql += "INSERT INTO trajectory_data VALUES(" + std::to_string(i) + ",1,1,1);";
+  for (int i = 10; i < 3000; ++i)
+    sql += "INSERT INTO trajectory_data VALUES(" + std::to_string(i) + ",1,1,1);";
   const std::string file = database("BEGIN;" + sql + "COMMIT;");
   const auto size = std::filesystem::file_size(file);
   for (const auto kept : {size / 2, size - 4096, std::uintmax_t{100}}) {
-    std::filesystem::copy_file(file, path("cut.sqlite"), std::filesystem::copy_options::overwrite_existing);
+    std::filesystem::copy_file(file, path("cut.sqlite"),
+                               std::filesystem::copy_options::overwrite_existing);
     std::filesystem::resize_file(path("cut.sqlite"), kept);
     expect_error(read_all(path("cut.sqlite")).status, {path("cut.sqlite"), "cut short"});
   }
 }
 
 TEST_F(JupedsimSqliteTest, ViewsInPlaceOfTablesAreRefused) {
-  expect_error(read_all(database("CREATE VIEW trajectory_data AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL "
-                                 "SELECT i+1 FROM n) SELECT i AS frame, 1 AS id, 0.0 AS pos_x, 0.0 AS pos_y FROM n"))
-                   .status,
-               {"no table trajectory_data"});
-  expect_error(read_all(database("CREATE TABLE trajectory_data(frame, id, pos_x)")).status, {"pos_y"});
+  expect_error(
+      read_all(
+          database(
+              "CREATE VIEW trajectory_data AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL "
+              "SELECT i+1 FROM n) SELECT i AS frame, 1 AS id, 0.0 AS pos_x, 0.0 AS pos_y FROM n"))
+          .status,
+      {"no table trajectory_data"});
+  expect_error(read_all(database("CREATE TABLE trajectory_data(frame, id, pos_x)")).status,
+               {"pos_y"});
 }
 
 TEST_F(JupedsimSqliteTest, MutatedFilesNeverCrash) {

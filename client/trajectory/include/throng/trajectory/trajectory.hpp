@@ -73,6 +73,7 @@ struct Summary {
   double min_x_m = 0.0, max_x_m = 0.0, min_y_m = 0.0, max_y_m = 0.0, min_z_m = 0.0, max_z_m = 0.0;
   bool has_z = false;
   bool has_heading = false;         // at least one known heading
+  std::uint64_t largest_id = 0;     // above 2^53 where ids are names
 };
 
 /// Reads a whole file, in bounded memory but for one id per agent. Errors as of `open` and `next`.
