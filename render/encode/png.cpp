@@ -87,8 +87,9 @@ absl::StatusOr<std::vector<std::uint8_t>> encode_png(std::span<const std::uint8_
   std::vector<std::uint8_t> bytes;
   WriteState state{&bytes, false, ""};
   if (!write_png(&state, rgbx.data(), width_px, height_px)) {
-    const std::string message = absl::StrCat("encode_png: ", width_px, "x", height_px, " px: ",
-                                             state.message[0] ? state.message : "out of memory");
+    const std::string message =
+        absl::StrCat("encode_png: ", width_px, "x", height_px,
+                     " px: ", state.message[0] ? state.message : "out of memory");
     if (state.out_of_memory || state.message[0] == 0) return absl::ResourceExhaustedError(message);
     return absl::InternalError(message);
   }
@@ -103,8 +104,8 @@ absl::StatusOr<DecodedImage> decode_png(std::span<const std::uint8_t> png) {
   } reader;
   reader.image.version = PNG_IMAGE_VERSION;
   const auto invalid = [&](const char* call) {
-    return absl::InvalidArgumentError(absl::StrCat("decode_png: ", png.size(), " bytes: ", call,
-                                                   ": ", reader.image.message));
+    return absl::InvalidArgumentError(
+        absl::StrCat("decode_png: ", png.size(), " bytes: ", call, ": ", reader.image.message));
   };
   if (png.empty()) return absl::InvalidArgumentError("decode_png: 0 bytes, not a PNG");
   if (png_image_begin_read_from_memory(&reader.image, png.data(), png.size()) == 0) {
@@ -115,8 +116,8 @@ absl::StatusOr<DecodedImage> decode_png(std::span<const std::uint8_t> png) {
   image.height_px = reader.image.height;
   if (image.width_px > kMaxSidePx || image.height_px > kMaxSidePx) {
     return absl::InvalidArgumentError(absl::StrCat("decode_png: size is ", image.width_px, "x",
-                                                   image.height_px,
-                                                   " px, each side must be 1 to ", kMaxSidePx));
+                                                   image.height_px, " px, each side must be 1 to ",
+                                                   kMaxSidePx));
   }
   // deflate expands at most 1032 times and a pixel has at least one bit: a short file that claims
   // many pixels is refused before memory is taken for them.
@@ -129,8 +130,8 @@ absl::StatusOr<DecodedImage> decode_png(std::span<const std::uint8_t> png) {
   try {
     image.rgbx.resize(PNG_IMAGE_SIZE(reader.image));
   } catch (const std::bad_alloc&) {
-    return absl::ResourceExhaustedError(absl::StrCat("decode_png: no memory for ", image.width_px,
-                                                     "x", image.height_px, " px"));
+    return absl::ResourceExhaustedError(
+        absl::StrCat("decode_png: no memory for ", image.width_px, "x", image.height_px, " px"));
   }
   if (png_image_finish_read(&reader.image, nullptr, image.rgbx.data(), 0, nullptr) == 0) {
     return invalid("data");

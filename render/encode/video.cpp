@@ -35,14 +35,19 @@ struct EncoderChoice {
 // Best first. A hardware encoder is found by name on any machine and only opens where the hardware
 // is, so each is tried until one opens.
 constexpr EncoderChoice kEncoders[] = {
-    {"libx264", 1'000'000}, {"libopenh264", 1'000'000}, {"h264_nvenc", 1'000'000},
+    {"libx264", 1'000'000},
+    {"libopenh264", 1'000'000},
+    {"h264_nvenc", 1'000'000},
     {"mpeg4", 60'000},
 };
 
 class LibavVideoWriter final : public VideoWriter {
  public:
   LibavVideoWriter(std::string path, std::uint32_t width_px, std::uint32_t height_px, double fps)
-      : path_(std::move(path)), source_width_px_(width_px), source_height_px_(height_px), fps_(fps) {}
+      : path_(std::move(path)),
+        source_width_px_(width_px),
+        source_height_px_(height_px),
+        fps_(fps) {}
 
   ~LibavVideoWriter() override {
     avcodec_free_context(&codec_);
@@ -67,7 +72,8 @@ class LibavVideoWriter final : public VideoWriter {
     static std::atomic<unsigned> counter{0};
     const AVOutputFormat* container = av_guess_format(nullptr, path_.c_str(), nullptr);
     if (container == nullptr) container = av_guess_format("mp4", nullptr, nullptr);
-    std::string temporary = absl::StrCat(path_, ".", ::getpid(), ".", counter.fetch_add(1), ".part");
+    std::string temporary =
+        absl::StrCat(path_, ".", ::getpid(), ".", counter.fetch_add(1), ".part");
     // Fast start opens the file again by the context's name, so that is the temporary one.
     int code = avformat_alloc_output_context2(&format_, container, nullptr, temporary.c_str());
     if (code < 0) return failed("avformat_alloc_output_context2", code);
@@ -101,9 +107,9 @@ class LibavVideoWriter final : public VideoWriter {
     frame_->colorspace = codec_->colorspace;
     code = av_frame_get_buffer(frame_, 0);
     if (code < 0) return failed("av_frame_get_buffer", code);
-    scale_ = sws_getContext(width_px_, height_px_, AV_PIX_FMT_RGB0, width_px_, height_px_,
-                            codec_->pix_fmt, SWS_BILINEAR | SWS_ACCURATE_RND, nullptr, nullptr,
-                            nullptr);
+    scale_ =
+        sws_getContext(width_px_, height_px_, AV_PIX_FMT_RGB0, width_px_, height_px_,
+                       codec_->pix_fmt, SWS_BILINEAR | SWS_ACCURATE_RND, nullptr, nullptr, nullptr);
     if (scale_ == nullptr) return failed("sws_getContext", AVERROR(EINVAL));
     const int* bt709 = sws_getCoefficients(SWS_CS_ITU709);
     sws_setColorspaceDetails(scale_, bt709, 1, bt709, 0, 0, 1 << 16, 1 << 16);
@@ -112,8 +118,8 @@ class LibavVideoWriter final : public VideoWriter {
 
   absl::Status add(std::span<const std::uint8_t> rgbx, std::int64_t time_us) override {
     if (ended_) return absl::FailedPreconditionError("VideoWriter::add: the video has ended");
-    if (auto status = check_image("VideoWriter::add", rgbx.size(), source_width_px_,
-                                  source_height_px_);
+    if (auto status =
+            check_image("VideoWriter::add", rgbx.size(), source_width_px_, source_height_px_);
         !status.ok()) {
       return status;
     }
@@ -124,9 +130,9 @@ class LibavVideoWriter final : public VideoWriter {
     }
     const std::int64_t pts = av_rescale(time_us - first_time_us_, codec_->time_base.den, 1'000'000);
     if (frames_ > 0 && pts <= last_pts_) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "VideoWriter::add: frames ", time_us - last_time_us_, " us apart, ", codec_->codec->name,
-          " needs ", 1'000'000 / codec_->time_base.den + 1));
+      return absl::InvalidArgumentError(
+          absl::StrCat("VideoWriter::add: frames ", time_us - last_time_us_, " us apart, ",
+                       codec_->codec->name, " needs ", 1'000'000 / codec_->time_base.den + 1));
     }
     int code = av_frame_make_writable(frame_);
     if (code < 0) return failed("av_frame_make_writable", code);
@@ -195,8 +201,8 @@ class LibavVideoWriter final : public VideoWriter {
       codec_->gop_size = std::max(1, static_cast<int>(std::lround(2.0 * std::min(fps_, 1000.0))));
       codec_->flags |= AV_CODEC_FLAG_GLOBAL_HEADER;
       // 0.15 bits a pixel for those without a constant-quality mode.
-      codec_->bit_rate = static_cast<std::int64_t>(
-          std::min(0.15 * width_px_ * height_px_ * fps_, 400e6));
+      codec_->bit_rate =
+          static_cast<std::int64_t>(std::min(0.15 * width_px_ * height_px_ * fps_, 400e6));
       AVDictionary* options = nullptr;
       if (std::string_view(choice.name) == "libx264") {
         codec_->bit_rate = 0;
@@ -253,9 +259,8 @@ absl::StatusOr<std::unique_ptr<VideoWriter>> open_video(const std::string& path,
                                                         std::uint32_t height_px, double fps) {
   // Two pixels are the least that chroma at half resolution leaves.
   if (width_px < 2 || width_px > kMaxSidePx || height_px < 2 || height_px > kMaxSidePx) {
-    return absl::InvalidArgumentError(absl::StrCat("open_video: size is ", width_px, "x",
-                                                   height_px, " px, each side must be 2 to ",
-                                                   kMaxSidePx));
+    return absl::InvalidArgumentError(absl::StrCat("open_video: size is ", width_px, "x", height_px,
+                                                   " px, each side must be 2 to ", kMaxSidePx));
   }
   if (!(fps > 0.0) || fps > 1000.0) {
     return absl::InvalidArgumentError(

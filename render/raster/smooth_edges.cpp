@@ -20,24 +20,28 @@ struct Brightness {
   int operator()(int x, int y) const {
     x = std::clamp(x, 0, width - 1);
     y = std::clamp(y, 0, height - 1);
-    return values[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)];
+    return values[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
+                  static_cast<std::size_t>(x)];
   }
 };
 
 void brighten(const std::uint8_t* rgbx, std::uint8_t* brightness, std::size_t count) {
   for (std::size_t i = 0; i < count; ++i) {
     // weights of Rec. 601 in parts of 32
-    brightness[i] = static_cast<std::uint8_t>((10 * rgbx[4 * i] + 18 * rgbx[4 * i + 1] + 4 * rgbx[4 * i + 2]) >> 5);
+    brightness[i] = static_cast<std::uint8_t>(
+        (10 * rgbx[4 * i] + 18 * rgbx[4 * i + 1] + 4 * rgbx[4 * i + 2]) >> 5);
   }
 }
 
 /// mask[x] is not 0 where pixel x of the row may lie at an edge. Rows are padded by the caller.
-void find_edges(const std::uint8_t* above, const std::uint8_t* row, const std::uint8_t* below, int width,
-                std::uint8_t* mask) {
+void find_edges(const std::uint8_t* above, const std::uint8_t* row, const std::uint8_t* below,
+                int width, std::uint8_t* mask) {
   mask[0] = mask[width - 1] = 1;
   for (int x = 1; x + 1 < width; ++x) {
-    const std::uint8_t high = std::max(std::max(std::max(above[x], below[x]), std::max(row[x - 1], row[x + 1])), row[x]);
-    const std::uint8_t low = std::min(std::min(std::min(above[x], below[x]), std::min(row[x - 1], row[x + 1])), row[x]);
+    const std::uint8_t high =
+        std::max(std::max(std::max(above[x], below[x]), std::max(row[x - 1], row[x + 1])), row[x]);
+    const std::uint8_t low =
+        std::min(std::min(std::min(above[x], below[x]), std::min(row[x - 1], row[x + 1])), row[x]);
     mask[x] = static_cast<std::uint8_t>(high - low) > 12 ? 1 : 0;
   }
 }
@@ -53,9 +57,12 @@ Shift shift_of(const Brightness& at, int x, int y) {
   const int high = std::max({m, n, s, w, e}), low = std::min({m, n, s, w, e});
   const int contrast = high - low;
   if (contrast <= std::max(12, high / 8)) return {0.0F, 0, 0};
-  const int nw = at(x - 1, y - 1), ne = at(x + 1, y - 1), sw = at(x - 1, y + 1), se = at(x + 1, y + 1);
-  const int across_y = std::abs(nw + sw - 2 * w) + 2 * std::abs(n + s - 2 * m) + std::abs(ne + se - 2 * e);
-  const int across_x = std::abs(nw + ne - 2 * n) + 2 * std::abs(w + e - 2 * m) + std::abs(sw + se - 2 * s);
+  const int nw = at(x - 1, y - 1), ne = at(x + 1, y - 1), sw = at(x - 1, y + 1),
+            se = at(x + 1, y + 1);
+  const int across_y =
+      std::abs(nw + sw - 2 * w) + 2 * std::abs(n + s - 2 * m) + std::abs(ne + se - 2 * e);
+  const int across_x =
+      std::abs(nw + ne - 2 * n) + 2 * std::abs(w + e - 2 * m) + std::abs(sw + se - 2 * s);
   const bool level = across_y >= across_x;  // the edge runs along x
   const int before = level ? n : w, after = level ? s : e;
   const int sign = std::abs(before - m) >= std::abs(after - m) ? -1 : 1;
@@ -82,7 +89,8 @@ Shift shift_of(const Brightness& at, int x, int y) {
   // Only where the run ends on the other side of the edge's brightness does it cut this pixel.
   float share = 0.0F;
   if ((end < 0) != (2 * m - edge2 < 0) && nearest < kSearchPx) {
-    share = 0.5F - (static_cast<float>(nearest) - 0.5F) / static_cast<float>(reach[0] + reach[1] - 1);
+    share =
+        0.5F - (static_cast<float>(nearest) - 0.5F) / static_cast<float>(reach[0] + reach[1] - 1);
     share = std::max(share, 0.0F);
   }
   // Single pixels and thin lines have no run to follow: they lean towards their neighbours' mean.
@@ -98,7 +106,8 @@ Shift shift_of(const Brightness& at, int x, int y) {
 }  // namespace
 
 void smooth_edges(Picture& picture, SmoothScratch& scratch, WorkPool& pool) {
-  const int width = static_cast<int>(picture.width_px), height = static_cast<int>(picture.height_px);
+  const int width = static_cast<int>(picture.width_px),
+            height = static_cast<int>(picture.height_px);
   if (width < 3 || height < 3) return;
   const auto row_px = static_cast<std::size_t>(width);
   const std::size_t rows = static_cast<std::size_t>(height);
@@ -108,7 +117,8 @@ void smooth_edges(Picture& picture, SmoothScratch& scratch, WorkPool& pool) {
 
   std::uint8_t* pixels = picture.rgbx.data();
   pool.for_chunks(rows, kRowsPerChunk, [&](std::size_t begin, std::size_t end) {
-    brighten(pixels + 4 * begin * row_px, scratch.brightness.data() + begin * row_px, (end - begin) * row_px);
+    brighten(pixels + 4 * begin * row_px, scratch.brightness.data() + begin * row_px,
+             (end - begin) * row_px);
   });
 
   // Find first, write afterwards: neighbours must see the picture as it was.
@@ -120,7 +130,8 @@ void smooth_edges(Picture& picture, SmoothScratch& scratch, WorkPool& pool) {
     const std::size_t end = std::min(rows, (chunk + 1) * kRowsPerChunk);
     for (std::size_t y = chunk * kRowsPerChunk; y < end; ++y) {
       const std::uint8_t* row = scratch.brightness.data() + y * row_px;
-      find_edges(y > 0 ? row - row_px : row, row, y + 1 < rows ? row + row_px : row, width, mask.data());
+      find_edges(y > 0 ? row - row_px : row, row, y + 1 < rows ? row + row_px : row, width,
+                 mask.data());
       for (std::size_t block = 0; block < row_px; block += 8) {
         std::uint64_t any = 0;
         std::memcpy(&any, mask.data() + block, 8);
@@ -133,9 +144,11 @@ void smooth_edges(Picture& picture, SmoothScratch& scratch, WorkPool& pool) {
           const int ox = std::clamp(static_cast<int>(x) + shift.dx, 0, width - 1);
           const int oy = std::clamp(static_cast<int>(y) + shift.dy, 0, height - 1);
           const std::uint8_t* a = pixels + 4 * (y * row_px + x);
-          const std::uint8_t* b = pixels + 4 * (static_cast<std::size_t>(oy) * row_px + static_cast<std::size_t>(ox));
+          const std::uint8_t* b =
+              pixels + 4 * (static_cast<std::size_t>(oy) * row_px + static_cast<std::size_t>(ox));
           std::uint8_t mixed[4];
-          for (int i = 0; i < 4; ++i) mixed[i] = static_cast<std::uint8_t>((a[i] * (256 - share) + b[i] * share + 128) >> 8);
+          for (int i = 0; i < 4; ++i)
+            mixed[i] = static_cast<std::uint8_t>((a[i] * (256 - share) + b[i] * share + 128) >> 8);
           SmoothScratch::Change change{static_cast<std::uint32_t>(y * row_px + x), 0};
           std::memcpy(&change.rgbx, mixed, 4);
           changes.push_back(change);

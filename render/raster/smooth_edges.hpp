@@ -21,9 +21,9 @@ struct SmoothScratch {
 /// Smooths the stairs of a picture drawn with one sample a pixel, in place.
 ///
 /// Morphological, in the manner of FXAA (T. Lottes, 2009): where the four neighbours differ enough,
-/// finds the edge a pixel lies at, follows it both ways, and mixes in what lies beyond the edge by the
-/// share of the pixel that the edge cuts off. Flat parts are left as they are. The same bytes for any
-/// number of threads.
+/// finds the edge a pixel lies at, follows it both ways, and mixes in what lies beyond the edge by
+/// the share of the pixel that the edge cuts off. Flat parts are left as they are. The same bytes
+/// for any number of threads.
 void smooth_edges(Picture& picture, SmoothScratch& scratch, WorkPool& pool);
 
 }  // namespace throng::render

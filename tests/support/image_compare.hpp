@@ -11,14 +11,15 @@ namespace throng::test {
 
 /// Differences of two pictures of r g b x rows; the fourth byte is left out.
 struct ImageDifference {
-  int max = 255;       // largest of one component, 0 to 255
-  double mean = 255.0; // of all components
-  double psnr_db = 0.0;  // infinity when equal
+  int max = 255;              // largest of one component, 0 to 255
+  double mean = 255.0;        // of all components
+  double psnr_db = 0.0;       // infinity when equal
   double share_over_8 = 1.0;  // of the pixels that differ by more than 8 in some component
 };
 
 /// The worst values when the sizes differ.
-inline ImageDifference compare_images(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b) {
+inline ImageDifference compare_images(std::span<const std::uint8_t> a,
+                                      std::span<const std::uint8_t> b) {
   ImageDifference difference;
   if (a.size() != b.size() || a.empty()) return difference;
   std::uint64_t sum = 0, squares = 0, over = 0;

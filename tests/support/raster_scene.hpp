@@ -40,7 +40,8 @@ struct RasterScene {
     vertex_offset.push_back(vertex_offset.back());
     triangle_offset.push_back(triangle_offset.back());
   }
-  std::uint32_t add_vertex(const glm::vec3& position_relative, const glm::vec3& normal, const glm::vec2& uv) {
+  std::uint32_t add_vertex(const glm::vec3& position_relative, const glm::vec3& normal,
+                           const glm::vec2& uv) {
     render::BatchVertex vertex{};
     vertex.position_relative = position_relative;
     vertex.normal = render::encode_octahedral(normal);
@@ -56,7 +57,8 @@ struct RasterScene {
     ++triangle_offset.back();
     ++instances.back().triangle_count;
   }
-  /// Corners counter-clockwise seen from the front; uv (0,0) at a, (1,0) at b, (1,1) at c, (0,1) at d.
+  /// Corners counter-clockwise seen from the front; uv (0,0) at a, (1,0) at b, (1,1) at c, (0,1) at
+  /// d.
   void add_quad(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c, const glm::vec3& d) {
     const glm::vec3 normal = glm::normalize(glm::cross(c - a, d - b));
     const std::uint32_t ia = add_vertex(a, normal, {0, 0}), ib = add_vertex(b, normal, {1, 0});
@@ -73,9 +75,11 @@ inline glm::vec2 region_uv(Region region) {
   return {(static_cast<float>(region) + 0.5F) / 4.0F, 0.5F};
 }
 
-/// A round bone from `a` to `b`, closed at both ends, in the instance's frame (turned by `heading`).
-inline void add_bone(RasterScene& scene, const glm::vec3& feet, float heading_rad, glm::vec3 a, glm::vec3 b,
-                     float radius_a, float radius_b, Region region, std::uint32_t sides) {
+/// A round bone from `a` to `b`, closed at both ends, in the instance's frame (turned by
+/// `heading`).
+inline void add_bone(RasterScene& scene, const glm::vec3& feet, float heading_rad, glm::vec3 a,
+                     glm::vec3 b, float radius_a, float radius_b, Region region,
+                     std::uint32_t sides) {
   const auto turned = [&](const glm::vec3& p) {
     const float c = std::cos(heading_rad), s = std::sin(heading_rad);
     return glm::vec3(c * p.x - s * p.y, s * p.x + c * p.y, p.z);
@@ -83,22 +87,26 @@ inline void add_bone(RasterScene& scene, const glm::vec3& feet, float heading_ra
   a = turned(a);
   b = turned(b);
   const glm::vec3 axis = glm::normalize(b - a);
-  const glm::vec3 u = glm::normalize(glm::cross(axis, std::abs(axis.z) < 0.9F ? glm::vec3(0, 0, 1) : glm::vec3(1, 0, 0)));
+  const glm::vec3 u = glm::normalize(
+      glm::cross(axis, std::abs(axis.z) < 0.9F ? glm::vec3(0, 0, 1) : glm::vec3(1, 0, 0)));
   const glm::vec3 v = glm::cross(axis, u);
   const std::uint32_t rings = std::max(2u, sides / 2);
   std::uint32_t before = 0;
   // half a sphere, the cone, half a sphere: rings of one latitude each
   for (std::uint32_t ring = 0; ring <= 2 * rings + 1; ++ring) {
     const bool upper = ring > rings;
-    const float angle = 1.5707963F * (static_cast<float>(upper ? ring - rings - 1 : ring) / static_cast<float>(rings)) -
+    const float angle = 1.5707963F * (static_cast<float>(upper ? ring - rings - 1 : ring) /
+                                      static_cast<float>(rings)) -
                         (upper ? 0.0F : 1.5707963F);
     const glm::vec3 centre = upper ? b : a;
     const float radius = upper ? radius_b : radius_a;
     std::uint32_t first = 0;
     for (std::uint32_t side = 0; side <= sides; ++side) {
       const float turn = 6.2831853F * static_cast<float>(side % sides) / static_cast<float>(sides);
-      const glm::vec3 normal = std::cos(angle) * (std::cos(turn) * u + std::sin(turn) * v) + std::sin(angle) * axis;
-      const std::uint32_t index = scene.add_vertex(feet + centre + normal * radius, normal, region_uv(region));
+      const glm::vec3 normal =
+          std::cos(angle) * (std::cos(turn) * u + std::sin(turn) * v) + std::sin(angle) * axis;
+      const std::uint32_t index =
+          scene.add_vertex(feet + centre + normal * radius, normal, region_uv(region));
       if (side == 0) first = index;
     }
     if (ring > 0) {
@@ -122,7 +130,8 @@ inline void add_mannequin(RasterScene& scene, const glm::vec3& feet, float headi
   };
   const float swing = std::sin(6.2831853F * phase);
   for (const float side : {-1.0F, 1.0F}) {
-    const float leg = 0.42F * swing * side, knee_bend = 0.10F + 0.35F * std::max(0.0F, -swing * side);
+    const float leg = 0.42F * swing * side,
+                knee_bend = 0.10F + 0.35F * std::max(0.0F, -swing * side);
     const glm::vec3 hip(0.0F, 0.10F * side, 0.90F);
     const glm::vec3 knee = hip + 0.43F * glm::vec3(std::sin(leg), 0.0F, -std::cos(leg));
     const float shin = leg - knee_bend;
@@ -130,11 +139,14 @@ inline void add_mannequin(RasterScene& scene, const glm::vec3& feet, float headi
     ankle.z = std::max(ankle.z, 0.07F);
     bone(hip, knee, 0.085F, 0.062F, Region::kBottom);
     bone(knee, ankle, 0.060F, 0.045F, Region::kBottom);
-    bone(ankle + glm::vec3(-0.03F, 0, -0.025F), ankle + glm::vec3(0.15F, 0.01F * side, -0.03F), 0.042F, 0.034F, Region::kHair);
+    bone(ankle + glm::vec3(-0.03F, 0, -0.025F), ankle + glm::vec3(0.15F, 0.01F * side, -0.03F),
+         0.042F, 0.034F, Region::kHair);
     const float arm = -0.38F * swing * side;
     const glm::vec3 shoulder(0.0F, 0.20F * side, 1.40F);
-    const glm::vec3 elbow = shoulder + 0.28F * glm::vec3(std::sin(arm), 0.10F * side, -std::cos(arm));
-    const glm::vec3 hand = elbow + 0.26F * glm::vec3(std::sin(arm + 0.35F), 0.0F, -std::cos(arm + 0.35F));
+    const glm::vec3 elbow =
+        shoulder + 0.28F * glm::vec3(std::sin(arm), 0.10F * side, -std::cos(arm));
+    const glm::vec3 hand =
+        elbow + 0.26F * glm::vec3(std::sin(arm + 0.35F), 0.0F, -std::cos(arm + 0.35F));
     bone(shoulder, elbow, 0.055F, 0.042F, Region::kTop);
     bone(elbow, hand, 0.038F, 0.034F, Region::kSkin);
   }
@@ -146,7 +158,8 @@ inline void add_mannequin(RasterScene& scene, const glm::vec3& feet, float headi
   bone({-0.012F, 0, 1.645F}, {-0.012F, 0, 1.665F}, 0.094F, 0.092F, Region::kHair);
 }
 
-/// A cast of one member with the mannequin's texture (near white) and tint mask, no mesh of its own.
+/// A cast of one member with the mannequin's texture (near white) and tint mask, no mesh of its
+/// own.
 inline std::shared_ptr<const render::Cast> mannequin_cast() {
   auto texels = std::make_shared<std::vector<std::uint8_t>>();
   auto mask = std::make_shared<std::vector<std::uint8_t>>();
@@ -161,21 +174,24 @@ inline std::shared_ptr<const render::Cast> mannequin_cast() {
   member.character.height_m = 1.75F;
   member.character.base_color = {32, 8, 1, *texels};
   member.character.tint_mask = {32, 8, 1, *mask};
-  member.character.storage = std::make_shared<std::pair<decltype(texels), decltype(mask)>>(texels, mask);
+  member.character.storage =
+      std::make_shared<std::pair<decltype(texels), decltype(mask)>>(texels, mask);
   cast->members.push_back(std::move(member));
   return cast;
 }
 
 /// `count` mannequins on a loose grid around the origin, all walking roughly +X or -X.
-inline RasterScene mannequin_crowd(const render::Camera& camera, std::uint32_t count, float spacing_m,
-                                   std::uint32_t sides = 8) {
+inline RasterScene mannequin_crowd(const render::Camera& camera, std::uint32_t count,
+                                   float spacing_m, std::uint32_t sides = 8) {
   RasterScene scene;
   const auto columns = static_cast<std::uint32_t>(std::ceil(std::sqrt(static_cast<double>(count))));
   std::mt19937 random(7);
   const auto uniform = [&] { return static_cast<float>(random() >> 8) * (1.0F / 16777216.0F); };
   for (std::uint32_t i = 0; i < count; ++i) {
-    const glm::dvec3 place((static_cast<double>(i % columns) - 0.5 * (columns - 1) + 0.5 * uniform()) * spacing_m,
-                           (static_cast<double>(i / columns) - 0.5 * (columns - 1) + 0.5 * uniform()) * spacing_m, 0.0);
+    const glm::dvec3 place(
+        (static_cast<double>(i % columns) - 0.5 * (columns - 1) + 0.5 * uniform()) * spacing_m,
+        (static_cast<double>(i / columns) - 0.5 * (columns - 1) + 0.5 * uniform()) * spacing_m,
+        0.0);
     const float heading = (uniform() < 0.5F ? 0.0F : 3.1415927F) + 0.6F * (uniform() - 0.5F);
     const float phase = uniform();
     const auto seed = static_cast<std::uint32_t>(random());

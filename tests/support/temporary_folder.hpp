@@ -13,8 +13,8 @@ class TemporaryFolder {
  public:
   TemporaryFolder() {
     static std::atomic<unsigned> counter{0};
-    path_ = std::filesystem::temp_directory_path() /
-            ("throng-test-" + std::to_string(::getpid()) + "-" + std::to_string(counter.fetch_add(1)));
+    path_ = std::filesystem::temp_directory_path() / ("throng-test-" + std::to_string(::getpid()) +
+                                                      "-" + std::to_string(counter.fetch_add(1)));
     std::filesystem::create_directories(path_);
   }
   ~TemporaryFolder() {

@@ -21,16 +21,17 @@ inline glm::vec3 linear_from_hex(std::uint32_t rgb) {
 /// Colour of `t` in [0, 1] on the viridis map (S. van der Walt, N. Smith, matplotlib, CC0), linear.
 /// A piecewise linear fit through 17 samples, within 2/255 of the 256-entry table.
 inline glm::vec3 viridis(float t) {
-  constexpr std::uint32_t kSamples[17] = {0x440154, 0x48186a, 0x472d7b, 0x424086, 0x3b528b, 0x33638d,
-                                          0x2c728e, 0x26828e, 0x21918c, 0x1fa088, 0x28ae80, 0x3fbc73,
-                                          0x5ec962, 0x84d44b, 0xaddc30, 0xd8e219, 0xfde725};
+  constexpr std::uint32_t kSamples[17] = {
+      0x440154, 0x48186a, 0x472d7b, 0x424086, 0x3b528b, 0x33638d, 0x2c728e, 0x26828e, 0x21918c,
+      0x1fa088, 0x28ae80, 0x3fbc73, 0x5ec962, 0x84d44b, 0xaddc30, 0xd8e219, 0xfde725};
   const float scaled = glm::clamp(t, 0.0F, 1.0F) * 16.0F;
   const int low = scaled < 15.0F ? static_cast<int>(scaled) : 15;
   return glm::mix(linear_from_hex(kSamples[low]), linear_from_hex(kSamples[low + 1]),
                   scaled - static_cast<float>(low));
 }
 
-/// A linear colour in [0, 1] as 10 bits a component of its square root (dark tones keep their steps).
+/// A linear colour in [0, 1] as 10 bits a component of its square root (dark tones keep their
+/// steps).
 inline std::uint32_t pack_color(const glm::vec3& linear) {
   const glm::vec3 root = glm::sqrt(glm::clamp(linear, 0.0F, 1.0F)) * 1023.0F + 0.5F;
   return static_cast<std::uint32_t>(root.r) | static_cast<std::uint32_t>(root.g) << 10 |

@@ -12,7 +12,8 @@ struct Tints {
   glm::vec3 skin, hair, top, bottom;
 };
 
-/// Finaliser of MurmurHash3 (A. Appleby, public domain): every output bit depends on every input bit.
+/// Finaliser of MurmurHash3 (A. Appleby, public domain): every output bit depends on every input
+/// bit.
 inline std::uint32_t mix_bits(std::uint32_t bits) {
   bits ^= bits >> 16;
   bits *= 0x85ebca6bu;
@@ -23,10 +24,10 @@ inline std::uint32_t mix_bits(std::uint32_t bits) {
 
 /// Tints of an agent by its seed: the same agent always wears the same clothes.
 ///
-/// A street's crowd, by proportion: about two of five tops are black, white, grey or navy, the others
-/// muted with a few saturated ones; trousers are mostly denim and dark. Hair follows skin: the darker
-/// the skin, the likelier is dark hair; grey hair comes with any. Brightness varies by 10 % around
-/// each colour, so that neighbours in the same coat still differ.
+/// A street's crowd, by proportion: about two of five tops are black, white, grey or navy, the
+/// others muted with a few saturated ones; trousers are mostly denim and dark. Hair follows skin:
+/// the darker the skin, the likelier is dark hair; grey hair comes with any. Brightness varies by
+/// 10 % around each colour, so that neighbours in the same coat still differ.
 inline Tints tints_of(std::uint32_t seed) {
   constexpr std::uint32_t kSkin[8] = {0xf3d3bd, 0xeac0a2, 0xe0ac8a, 0xcf9674,
                                       0xb57d5a, 0x946244, 0x714a34, 0x533629};

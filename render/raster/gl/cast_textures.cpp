@@ -25,14 +25,17 @@ struct Coding {
   explicit Coding(bool is_srgb) : srgb(is_srgb) {
     for (int i = 0; i < 256; ++i) {
       const double value = i / 255.0;
-      decode[static_cast<std::size_t>(i)] = static_cast<float>(
-          !srgb ? value : value <= 0.04045 ? value / 12.92 : std::pow((value + 0.055) / 1.055, 2.4));
+      decode[static_cast<std::size_t>(i)] =
+          static_cast<float>(!srgb              ? value
+                             : value <= 0.04045 ? value / 12.92
+                                                : std::pow((value + 0.055) / 1.055, 2.4));
     }
   }
   std::uint8_t encode(float linear, int component) const {
     float value = linear;
     if (srgb && component < 3) {
-      value = linear <= 0.0031308F ? linear * 12.92F : 1.055F * std::pow(linear, 1.0F / 2.4F) - 0.055F;
+      value =
+          linear <= 0.0031308F ? linear * 12.92F : 1.055F * std::pow(linear, 1.0F / 2.4F) - 0.055F;
     }
     return static_cast<std::uint8_t>(std::clamp(value, 0.0F, 1.0F) * 255.0F + 0.5F);
   }
@@ -50,20 +53,23 @@ void resample(const Level& from, std::span<std::uint8_t> to, std::uint32_t width
               std::uint32_t height, const Coding& coding) {
   for (std::uint32_t y = 0; y < height; ++y) {
     const float v = std::clamp((static_cast<float>(y) + 0.5F) * static_cast<float>(from.height) /
-                                       static_cast<float>(height) - 0.5F,
+                                       static_cast<float>(height) -
+                                   0.5F,
                                0.0F, static_cast<float>(from.height - 1));
     const auto y0 = static_cast<std::uint32_t>(v), y1 = std::min(y0 + 1, from.height - 1);
     const float fy = v - static_cast<float>(y0);
     for (std::uint32_t x = 0; x < width; ++x) {
       const float u = std::clamp((static_cast<float>(x) + 0.5F) * static_cast<float>(from.width) /
-                                         static_cast<float>(width) - 0.5F,
+                                         static_cast<float>(width) -
+                                     0.5F,
                                  0.0F, static_cast<float>(from.width - 1));
       const auto x0 = static_cast<std::uint32_t>(u), x1 = std::min(x0 + 1, from.width - 1);
       const float fx = u - static_cast<float>(x0);
       const auto texel = [&](std::uint32_t tx, std::uint32_t ty) {
         return &from.texels[4 * (std::size_t{ty} * from.width + tx)];
       };
-      const std::uint8_t *a = texel(x0, y0), *b = texel(x1, y0), *c = texel(x0, y1), *d = texel(x1, y1);
+      const std::uint8_t *a = texel(x0, y0), *b = texel(x1, y0), *c = texel(x0, y1),
+                         *d = texel(x1, y1);
       for (int i = 0; i < 4; ++i) {
         const float top = coding.value(a[i], i) * (1.0F - fx) + coding.value(b[i], i) * fx;
         const float bottom = coding.value(c[i], i) * (1.0F - fx) + coding.value(d[i], i) * fx;
@@ -84,9 +90,12 @@ void halve(const Level& from, std::span<std::uint8_t> to, const Coding& coding) 
         for (std::uint32_t k = 0; k < 4; ++k) {
           const std::uint32_t sx = std::min(2 * x + (k & 1u), from.width - 1);
           const std::uint32_t sy = std::min(2 * y + (k >> 1), from.height - 1);
-          sum += coding.value(from.texels[4 * (std::size_t{sy} * from.width + sx) + static_cast<std::size_t>(i)], i);
+          sum += coding.value(
+              from.texels[4 * (std::size_t{sy} * from.width + sx) + static_cast<std::size_t>(i)],
+              i);
         }
-        to[4 * (std::size_t{y} * width + x) + static_cast<std::size_t>(i)] = coding.encode(0.25F * sum, i);
+        to[4 * (std::size_t{y} * width + x) + static_cast<std::size_t>(i)] =
+            coding.encode(0.25F * sum, i);
       }
     }
   }
@@ -114,8 +123,8 @@ absl::StatusOr<TextureLayers> make_texture_layers(const std::vector<const MipIma
   result.height_px = height;
   result.level_count = static_cast<std::uint32_t>(std::bit_width(std::max(width, height)));
   for (std::uint32_t level = 0; level < result.level_count; ++level) {
-    result.levels.emplace_back(level_bytes(std::max(1u, width >> level), std::max(1u, height >> level)) *
-                               images.size());
+    result.levels.emplace_back(
+        level_bytes(std::max(1u, width >> level), std::max(1u, height >> level)) * images.size());
   }
 
   const Coding coding(srgb);
@@ -124,33 +133,38 @@ absl::StatusOr<TextureLayers> make_texture_layers(const std::vector<const MipIma
     // The levels the image brings.
     std::vector<Level> baked;
     std::size_t offset = 0;
-    for (std::uint32_t i = 0; i < image.level_count && image.width_px > 0 && image.height_px > 0; ++i) {
-      const std::uint32_t w = std::max(1u, image.width_px >> i), h = std::max(1u, image.height_px >> i);
+    for (std::uint32_t i = 0; i < image.level_count && image.width_px > 0 && image.height_px > 0;
+         ++i) {
+      const std::uint32_t w = std::max(1u, image.width_px >> i),
+                          h = std::max(1u, image.height_px >> i);
       if (offset + level_bytes(w, h) > image.texels.size()) {
-        return absl::InvalidArgumentError(
-            absl::StrCat("upload: image ", layer, " of ", image.width_px, "x", image.height_px, " px with ",
-                         image.level_count, " levels has only ", image.texels.size(), " bytes"));
+        return absl::InvalidArgumentError(absl::StrCat(
+            "upload: image ", layer, " of ", image.width_px, "x", image.height_px, " px with ",
+            image.level_count, " levels has only ", image.texels.size(), " bytes"));
       }
       baked.push_back({image.texels.subspan(offset, level_bytes(w, h)), w, h});
       offset += level_bytes(w, h);
       if (w == 1 && h == 1) break;
     }
     const auto target = [&](std::uint32_t level) {
-      const std::size_t size = level_bytes(std::max(1u, width >> level), std::max(1u, height >> level));
+      const std::size_t size =
+          level_bytes(std::max(1u, width >> level), std::max(1u, height >> level));
       return std::span<std::uint8_t>(result.levels[level]).subspan(size * layer, size);
     };
     if (baked.empty()) {
       for (std::uint32_t level = 0; level < result.level_count; ++level) {
         const std::span<std::uint8_t> texels = target(level);
         for (std::size_t i = 0; i < texels.size(); i += 4) {
-          for (std::size_t k = 0; k < 4; ++k) texels[i + k] = static_cast<std::uint8_t>(missing >> (24 - 8 * k));
+          for (std::size_t k = 0; k < 4; ++k)
+            texels[i + k] = static_cast<std::uint8_t>(missing >> (24 - 8 * k));
         }
       }
       continue;
     }
     // Level 0 from the smallest baked level that is no smaller than it.
     std::size_t source = 0;
-    while (source + 1 < baked.size() && baked[source + 1].width >= width && baked[source + 1].height >= height) {
+    while (source + 1 < baked.size() && baked[source + 1].width >= width &&
+           baked[source + 1].height >= height) {
       ++source;
     }
     const bool same = baked[source].width == width && baked[source].height == height;

@@ -16,10 +16,10 @@ struct TextureLayers {
   std::vector<std::vector<std::uint8_t>> levels;
 };
 
-/// Images brought to the smallest power-of-two size that holds the largest, at most `limit_px` a side
-/// and 256 MiB in all. Images that have that size keep their baked mip levels; others are resampled
-/// bilinearly, in linear light when `srgb`. An empty image becomes a layer of `missing` (r g b a).
-/// InvalidArgument when an image has fewer texels than its levels need.
+/// Images brought to the smallest power-of-two size that holds the largest, at most `limit_px` a
+/// side and 256 MiB in all. Images that have that size keep their baked mip levels; others are
+/// resampled bilinearly, in linear light when `srgb`. An empty image becomes a layer of `missing`
+/// (r g b a). InvalidArgument when an image has fewer texels than its levels need.
 absl::StatusOr<TextureLayers> make_texture_layers(const std::vector<const MipImage*>& images,
                                                   bool srgb, std::uint32_t missing,
                                                   std::uint32_t limit_px);

@@ -20,17 +20,28 @@ namespace {
 std::string egl_error() {
   const EGLint code = eglGetError();
   switch (code) {
-    case EGL_SUCCESS: return "EGL_SUCCESS";
-    case EGL_NOT_INITIALIZED: return "EGL_NOT_INITIALIZED";
-    case EGL_BAD_ACCESS: return "EGL_BAD_ACCESS";
-    case EGL_BAD_ALLOC: return "EGL_BAD_ALLOC";
-    case EGL_BAD_ATTRIBUTE: return "EGL_BAD_ATTRIBUTE";
-    case EGL_BAD_CONFIG: return "EGL_BAD_CONFIG";
-    case EGL_BAD_CONTEXT: return "EGL_BAD_CONTEXT";
-    case EGL_BAD_DISPLAY: return "EGL_BAD_DISPLAY";
-    case EGL_BAD_MATCH: return "EGL_BAD_MATCH";
-    case EGL_BAD_PARAMETER: return "EGL_BAD_PARAMETER";
-    default: return absl::StrCat("EGL error 0x", absl::Hex(code));
+    case EGL_SUCCESS:
+      return "EGL_SUCCESS";
+    case EGL_NOT_INITIALIZED:
+      return "EGL_NOT_INITIALIZED";
+    case EGL_BAD_ACCESS:
+      return "EGL_BAD_ACCESS";
+    case EGL_BAD_ALLOC:
+      return "EGL_BAD_ALLOC";
+    case EGL_BAD_ATTRIBUTE:
+      return "EGL_BAD_ATTRIBUTE";
+    case EGL_BAD_CONFIG:
+      return "EGL_BAD_CONFIG";
+    case EGL_BAD_CONTEXT:
+      return "EGL_BAD_CONTEXT";
+    case EGL_BAD_DISPLAY:
+      return "EGL_BAD_DISPLAY";
+    case EGL_BAD_MATCH:
+      return "EGL_BAD_MATCH";
+    case EGL_BAD_PARAMETER:
+      return "EGL_BAD_PARAMETER";
+    default:
+      return absl::StrCat("EGL error 0x", absl::Hex(code));
   }
 }
 
@@ -66,8 +77,9 @@ Platforms find_platforms() {
   // libepoxy ends the process when the library is not there, so look first.
   static void* library = dlopen("libEGL.so.1", RTLD_NOW | RTLD_GLOBAL);
   if (library == nullptr) {
-    found.problem = "libEGL.so.1 is not installed (Debian: libegl1, and libegl-mesa0 or the "
-                    "graphics driver's own)";
+    found.problem =
+        "libEGL.so.1 is not installed (Debian: libegl1, and libegl-mesa0 or the "
+        "graphics driver's own)";
     return found;
   }
   const char* extensions = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
@@ -138,9 +150,13 @@ struct Ladder {
         return failed("eglChooseConfig(OpenGL)");
       }
     }
-    const EGLint attributes[] = {EGL_CONTEXT_MAJOR_VERSION, 4, EGL_CONTEXT_MINOR_VERSION, 5,
+    const EGLint attributes[] = {EGL_CONTEXT_MAJOR_VERSION,
+                                 4,
+                                 EGL_CONTEXT_MINOR_VERSION,
+                                 5,
                                  EGL_CONTEXT_OPENGL_PROFILE_MASK,
-                                 EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT, EGL_NONE};
+                                 EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
+                                 EGL_NONE};
     EGLContext handle = eglCreateContext(display, config, EGL_NO_CONTEXT, attributes);
     if (handle == EGL_NO_CONTEXT) return failed("eglCreateContext(4.5 core)");
     std::unique_ptr<EglContext> context(new EglContext);
@@ -224,9 +240,9 @@ std::vector<std::string> describe_egl() {
   for (const gl::Rung& rung : platforms.rungs) {
     auto context = gl::Ladder::climb(rung);
     if (context.ok()) {
-      lines.push_back(absl::StrCat(rung.name, ": ", (*context)->software() ? "software" : "hardware",
-                                   ", ", (*context)->renderer(), ", OpenGL ",
-                                   (*context)->version()));
+      lines.push_back(absl::StrCat(rung.name, ": ",
+                                   (*context)->software() ? "software" : "hardware", ", ",
+                                   (*context)->renderer(), ", OpenGL ", (*context)->version()));
     } else {
       lines.emplace_back(context.status().message());
     }

@@ -27,8 +27,8 @@ constexpr std::uint32_t kTargetMaxSidePx = 8192;
 constexpr std::uint64_t kTargetMaxPixels = 4096ull * 2304;
 constexpr std::uint32_t kTilePx = 2048;
 
-// Agents at least this tall cast a projected figure's shadow (fading in to the second); the others a
-// soft ellipse.
+// Agents at least this tall cast a projected figure's shadow (fading in to the second); the others
+// a soft ellipse.
 constexpr float kCastShadowFromPx = 40.0F, kCastShadowFullPx = 64.0F;
 
 // Mirrors `Frame` in shaders.cpp (std140).
@@ -99,7 +99,8 @@ class MappedBuffer {
 /// What is drawn to (one or four samples a pixel), and the picture that is read back.
 struct Target {
   std::uint32_t width_px = 0, height_px = 0;
-  GLuint samples = 0, depth = 0, picture = 0;  // renderbuffers; no samples where one a pixel is drawn
+  GLuint samples = 0, depth = 0,
+         picture = 0;  // renderbuffers; no samples where one a pixel is drawn
   GLuint draw_fbo = 0, read_fbo = 0;
   std::uint64_t last_use = 0;
 
@@ -126,7 +127,8 @@ absl::StatusOr<GLuint> compile(GLenum stage, const char* name, const std::string
   return absl::InternalError(absl::StrCat("gl: shader ", name, ": ", log));
 }
 
-absl::StatusOr<GLuint> link(const char* name, const std::string& vertex, const std::string& fragment) {
+absl::StatusOr<GLuint> link(const char* name, const std::string& vertex,
+                            const std::string& fragment) {
   auto vertex_shader = compile(GL_VERTEX_SHADER, name, vertex);
   if (!vertex_shader.ok()) return vertex_shader.status();
   auto fragment_shader = compile(GL_FRAGMENT_SHADER, name, fragment);
@@ -180,7 +182,8 @@ class GlRasterizer final : public Rasterizer {
     samples_ = context_->software() ? 1 : 4;
     if (const char* set = std::getenv("THRONG_GL_SAMPLES"); set != nullptr) {
       if (std::string(set) != "1" && std::string(set) != "4") {
-        return absl::InvalidArgumentError(absl::StrCat("THRONG_GL_SAMPLES is ", set, ", must be 1 or 4"));
+        return absl::InvalidArgumentError(
+            absl::StrCat("THRONG_GL_SAMPLES is ", set, ", must be 1 or 4"));
       }
       samples_ = set[0] - '0';
     }
@@ -192,7 +195,8 @@ class GlRasterizer final : public Rasterizer {
     };
     const Wanted wanted[] = {
         {&blobs_, "blobs", blob_vertex_shader(), blob_fragment_shader()},
-        {&cast_shadows_, "cast shadows", cast_shadow_vertex_shader(), cast_shadow_fragment_shader()},
+        {&cast_shadows_, "cast shadows", cast_shadow_vertex_shader(),
+         cast_shadow_fragment_shader()},
         {&background_, "background", background_vertex_shader(), background_fragment_shader()}};
     for (const Wanted& one : wanted) {
       auto program = link(one.name, one.vertex, one.fragment);
@@ -212,7 +216,8 @@ class GlRasterizer final : public Rasterizer {
     glVertexArrayAttribFormat(mesh_array_, 0, 3, GL_FLOAT, GL_FALSE,
                               offsetof(BatchVertex, position_relative));
     glVertexArrayAttribFormat(mesh_array_, 1, 2, GL_SHORT, GL_TRUE, offsetof(BatchVertex, normal));
-    glVertexArrayAttribFormat(mesh_array_, 2, 2, GL_UNSIGNED_SHORT, GL_TRUE, offsetof(BatchVertex, uv));
+    glVertexArrayAttribFormat(mesh_array_, 2, 2, GL_UNSIGNED_SHORT, GL_TRUE,
+                              offsetof(BatchVertex, uv));
     glVertexArrayAttribIFormat(mesh_array_, 3, 1, GL_UNSIGNED_INT, offsetof(BatchVertex, visible));
 
     // One clip space on every backend, and rows from the top as everywhere outside GL.
@@ -236,8 +241,8 @@ class GlRasterizer final : public Rasterizer {
       return absl::InvalidArgumentError("gl upload: the cast is empty");
     }
     if (cast->members.size() > static_cast<std::size_t>(max_layers_)) {
-      return absl::InvalidArgumentError(absl::StrCat("gl upload: ", cast->members.size(),
-                                                     " characters, at most ", max_layers_));
+      return absl::InvalidArgumentError(
+          absl::StrCat("gl upload: ", cast->members.size(), " characters, at most ", max_layers_));
     }
     BoundContext bound(*context_);
     if (!bound.status().ok()) return bound.status();
@@ -273,8 +278,8 @@ class GlRasterizer final : public Rasterizer {
                     const glm::dvec3& origin_world, const Look& look, Picture& picture) override {
     if (viewport.width_px < 1 || viewport.width_px > kMaxSidePx || viewport.height_px < 1 ||
         viewport.height_px > kMaxSidePx) {
-      return absl::InvalidArgumentError(absl::StrCat("gl draw: viewport is ", viewport.width_px, "x",
-                                                     viewport.height_px,
+      return absl::InvalidArgumentError(absl::StrCat("gl draw: viewport is ", viewport.width_px,
+                                                     "x", viewport.height_px,
                                                      " px, each side must be 1 to ", kMaxSidePx));
     }
     if (auto status = check(geometry); !status.ok()) return status;
@@ -290,7 +295,8 @@ class GlRasterizer final : public Rasterizer {
 
       const float ground_relative_m = static_cast<float>(origin_world.z - camera.eye_world.z);
       const bool shadows = look.ground && look.shadows && ground_relative_m < 0.0F;
-      if (auto status = stage(geometry, camera, viewport, look, shadows); !status.ok()) return status;
+      if (auto status = stage(geometry, camera, viewport, look, shadows); !status.ok())
+        return status;
 
       const bool whole = viewport.width_px <= kTargetMaxSidePx &&
                          viewport.height_px <= kTargetMaxSidePx &&
@@ -333,7 +339,8 @@ class GlRasterizer final : public Rasterizer {
     glDeleteTextures(1, &texture);
     glCreateTextures(GL_TEXTURE_2D_ARRAY, 1, &texture);
     glTextureStorage3D(texture, static_cast<GLsizei>(layers.level_count), format,
-                       static_cast<GLsizei>(layers.width_px), static_cast<GLsizei>(layers.height_px),
+                       static_cast<GLsizei>(layers.width_px),
+                       static_cast<GLsizei>(layers.height_px),
                        static_cast<GLsizei>(layers.layer_count));
     for (std::uint32_t level = 0; level < layers.level_count; ++level) {
       glTextureSubImage3D(texture, static_cast<GLint>(level), 0, 0, 0,
@@ -355,8 +362,8 @@ class GlRasterizer final : public Rasterizer {
           absl::StrCat("gl draw: ", what, " has ", value, " elements, must have ", expected));
     };
     if (geometry.indices.size() > 0x7fffffffu) {
-      return absl::ResourceExhaustedError(absl::StrCat("gl draw: ", geometry.indices.size(),
-                                                       " indices, at most ", 0x7fffffffu));
+      return absl::ResourceExhaustedError(
+          absl::StrCat("gl draw: ", geometry.indices.size(), " indices, at most ", 0x7fffffffu));
     }
     if (geometry.indices.size() % 3 != 0) {
       return absl::InvalidArgumentError(
@@ -385,8 +392,9 @@ class GlRasterizer final : public Rasterizer {
     if (cast_ != nullptr) {
       for (const VisibleInstance& instance : geometry.instances) {
         if (instance.character >= cast_->members.size()) {
-          return absl::InvalidArgumentError(absl::StrCat("gl draw: character is ", instance.character,
-                                                         ", the cast has ", cast_->members.size()));
+          return absl::InvalidArgumentError(absl::StrCat("gl draw: character is ",
+                                                         instance.character, ", the cast has ",
+                                                         cast_->members.size()));
         }
       }
     }
@@ -396,9 +404,11 @@ class GlRasterizer final : public Rasterizer {
   /// Copies the frame's arrays to the mapped buffers and plans the cast shadows.
   absl::Status stage(const FrameGeometry& geometry, const Camera& camera, const Viewport& viewport,
                      const Look& look, bool shadows) {
-    if (auto status = vertices_.reserve(geometry.vertices.size_bytes()); !status.ok()) return status;
+    if (auto status = vertices_.reserve(geometry.vertices.size_bytes()); !status.ok())
+      return status;
     if (auto status = indices_.reserve(geometry.indices.size_bytes()); !status.ok()) return status;
-    if (auto status = instances_.reserve(geometry.instances.size() * sizeof(InstanceData)); !status.ok()) {
+    if (auto status = instances_.reserve(geometry.instances.size() * sizeof(InstanceData));
+        !status.ok()) {
       return status;
     }
     if (!geometry.vertices.empty()) {
@@ -428,8 +438,9 @@ class GlRasterizer final : public Rasterizer {
       data.tints[2] = element::pack_color(tints.top);
       data.tints[3] = element::pack_color(tints.bottom);
       data.layer = instance.character;
-      data.channel = look.color_by_channel ? element::pack_color(channel_color(instance.channel, look))
-                                           : 0xffffffffu;
+      data.channel = look.color_by_channel
+                         ? element::pack_color(channel_color(instance.channel, look))
+                         : 0xffffffffu;
       if (shadows) {
         const float distance_m =
             orthographic ? 1.0F : std::max(glm::length(instance.position_relative), 0.1F);
@@ -467,7 +478,8 @@ class GlRasterizer final : public Rasterizer {
         caster_counts_.back() += static_cast<GLsizei>(3 * (end - begin));
       } else {
         caster_counts_.push_back(static_cast<GLsizei>(3 * (end - begin)));
-        caster_starts_.push_back(reinterpret_cast<const void*>(std::uintptr_t{3} * begin * sizeof(GLuint)));
+        caster_starts_.push_back(
+            reinterpret_cast<const void*>(std::uintptr_t{3} * begin * sizeof(GLuint)));
       }
       run_end = end;
     }
@@ -490,8 +502,10 @@ class GlRasterizer final : public Rasterizer {
     glm::mat4 tile_from_clip(1.0F);
     tile_from_clip[0][0] = static_cast<float>(width / tile.width_px);
     tile_from_clip[1][1] = static_cast<float>(height / tile.height_px);
-    tile_from_clip[3][0] = static_cast<float>((width - 2.0 * tile.x_px - tile.width_px) / tile.width_px);
-    tile_from_clip[3][1] = static_cast<float>((2.0 * tile.y_px + tile.height_px - height) / tile.height_px);
+    tile_from_clip[3][0] =
+        static_cast<float>((width - 2.0 * tile.x_px - tile.width_px) / tile.width_px);
+    tile_from_clip[3][1] =
+        static_cast<float>((2.0 * tile.y_px + tile.height_px - height) / tile.height_px);
     uniforms.clip_from_relative = clip_from_relative(camera, viewport);
     if (tile.width_px != viewport.width_px || tile.height_px != viewport.height_px) {
       uniforms.clip_from_relative = tile_from_clip * uniforms.clip_from_relative;
@@ -506,8 +520,10 @@ class GlRasterizer final : public Rasterizer {
     uniforms.ground_color = glm::vec4(look.ground_color, 0.0F);
 
     // Rays through pixels, affine in the pixel: fragment centres are at halves already.
-    const glm::dmat3 world_from_view = glm::transpose(glm::dmat3(glm::mat3(view_from_relative(camera))));
-    const double half_height = orthographic ? 0.5 * camera.ortho_height_m : std::tan(0.5 * camera.fov_y_rad);
+    const glm::dmat3 world_from_view =
+        glm::transpose(glm::dmat3(glm::mat3(view_from_relative(camera))));
+    const double half_height =
+        orthographic ? 0.5 * camera.ortho_height_m : std::tan(0.5 * camera.fov_y_rad);
     const double per_px = 2.0 * half_height / height;
     const glm::dvec3 right = world_from_view[0] * per_px, down = world_from_view[1] * -per_px;
     const glm::dvec3 corner = right * (-0.5 * width) + down * (-0.5 * height);
@@ -559,21 +575,24 @@ class GlRasterizer final : public Rasterizer {
     if (samples_ > 1) {
       glCreateRenderbuffers(1, &made.samples);
       glNamedRenderbufferStorageMultisample(made.samples, samples_, GL_SRGB8_ALPHA8, width, height);
-      glNamedRenderbufferStorageMultisample(made.depth, samples_, GL_DEPTH_COMPONENT32F, width, height);
+      glNamedRenderbufferStorageMultisample(made.depth, samples_, GL_DEPTH_COMPONENT32F, width,
+                                            height);
     } else {
       glNamedRenderbufferStorage(made.depth, GL_DEPTH_COMPONENT32F, width, height);
     }
     glNamedFramebufferRenderbuffer(made.draw_fbo, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER,
                                    samples_ > 1 ? made.samples : made.picture);
     glNamedFramebufferRenderbuffer(made.draw_fbo, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, made.depth);
-    glNamedFramebufferRenderbuffer(made.read_fbo, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, made.picture);
+    glNamedFramebufferRenderbuffer(made.read_fbo, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER,
+                                   made.picture);
     const GLenum draw_state = glCheckNamedFramebufferStatus(made.draw_fbo, GL_FRAMEBUFFER);
     const GLenum read_state = glCheckNamedFramebufferStatus(made.read_fbo, GL_FRAMEBUFFER);
     absl::Status status = gl_failed("framebuffer");
-    if (status.ok() && (draw_state != GL_FRAMEBUFFER_COMPLETE || read_state != GL_FRAMEBUFFER_COMPLETE)) {
-      status = absl::InternalError(absl::StrCat("gl draw: framebuffer of ", width_px, "x", height_px,
-                                                " px is incomplete, 0x", absl::Hex(draw_state), " 0x",
-                                                absl::Hex(read_state)));
+    if (status.ok() &&
+        (draw_state != GL_FRAMEBUFFER_COMPLETE || read_state != GL_FRAMEBUFFER_COMPLETE)) {
+      status = absl::InternalError(absl::StrCat(
+          "gl draw: framebuffer of ", width_px, "x", height_px, " px is incomplete, 0x",
+          absl::Hex(draw_state), " 0x", absl::Hex(read_state)));
     }
     if (!status.ok()) {
       made.release();
@@ -591,7 +610,8 @@ class GlRasterizer final : public Rasterizer {
     auto found = target(tile.width_px, tile.height_px);
     if (!found.ok()) return found.status();
     const Target& target = **found;
-    const auto width = static_cast<GLsizei>(tile.width_px), height = static_cast<GLsizei>(tile.height_px);
+    const auto width = static_cast<GLsizei>(tile.width_px),
+               height = static_cast<GLsizei>(tile.height_px);
     glBindFramebuffer(GL_FRAMEBUFFER, target.draw_fbo);
     glViewport(0, 0, width, height);
     glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
@@ -619,7 +639,8 @@ class GlRasterizer final : public Rasterizer {
       glBindTextureUnit(0, base_color_);
       glBindTextureUnit(1, tint_mask_);
       glBindVertexArray(mesh_array_);
-      glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(geometry.indices.size()), GL_UNSIGNED_INT, nullptr);
+      glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(geometry.indices.size()), GL_UNSIGNED_INT,
+                     nullptr);
     }
 
     // Shadows: the largest one at each sample, in alpha.
@@ -631,12 +652,13 @@ class GlRasterizer final : public Rasterizer {
       glBlendEquation(GL_MAX);
       glUseProgram(blobs_);
       glBindVertexArray(empty_array_);
-      glDrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, static_cast<GLsizei>(geometry.instances.size()));
+      glDrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4,
+                            static_cast<GLsizei>(geometry.instances.size()));
       if (!caster_counts_.empty()) {
         glUseProgram(cast_shadows_);
         glBindVertexArray(mesh_array_);
-        glMultiDrawElements(GL_TRIANGLES, caster_counts_.data(), GL_UNSIGNED_INT, caster_starts_.data(),
-                            static_cast<GLsizei>(caster_counts_.size()));
+        glMultiDrawElements(GL_TRIANGLES, caster_counts_.data(), GL_UNSIGNED_INT,
+                            caster_starts_.data(), static_cast<GLsizei>(caster_counts_.size()));
       }
       glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
       glBlendEquation(GL_FUNC_ADD);
@@ -651,13 +673,14 @@ class GlRasterizer final : public Rasterizer {
 
     // Resolve and read back, rows from the top.
     if (samples_ > 1) {
-      glBlitNamedFramebuffer(target.draw_fbo, target.read_fbo, 0, 0, width, height, 0, 0, width, height,
-                             GL_COLOR_BUFFER_BIT, GL_NEAREST);
+      glBlitNamedFramebuffer(target.draw_fbo, target.read_fbo, 0, 0, width, height, 0, 0, width,
+                             height, GL_COLOR_BUFFER_BIT, GL_NEAREST);
     }
     glBindFramebuffer(GL_READ_FRAMEBUFFER, target.read_fbo);
     glPixelStorei(GL_PACK_ROW_LENGTH, static_cast<GLint>(picture.width_px));
-    glReadPixels(0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE,
-                 &picture.rgbx[std::size_t{4} * (std::size_t{tile.y_px} * picture.width_px + tile.x_px)]);
+    glReadPixels(
+        0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE,
+        &picture.rgbx[std::size_t{4} * (std::size_t{tile.y_px} * picture.width_px + tile.x_px)]);
     return gl_failed("draw");
   }
 
@@ -665,7 +688,6 @@ class GlRasterizer final : public Rasterizer {
     float size_px, share;
     std::uint32_t visible;
   };
-
 
   std::unique_ptr<EglContext> context_;
   std::shared_ptr<const Cast> cast_;

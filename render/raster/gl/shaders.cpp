@@ -297,7 +297,9 @@ std::string agent_fragment_shader(const ShaderOptions& options) {
 }
 std::string blob_vertex_shader() { return std::string(kCommon) + kInstances + kBlobVertex; }
 std::string blob_fragment_shader() { return std::string(kCommon) + kBlobFragment; }
-std::string cast_shadow_vertex_shader() { return std::string(kCommon) + kInstances + kCastShadowVertex; }
+std::string cast_shadow_vertex_shader() {
+  return std::string(kCommon) + kInstances + kCastShadowVertex;
+}
 std::string cast_shadow_fragment_shader() { return std::string(kCommon) + kCastShadowFragment; }
 std::string background_vertex_shader() { return std::string(kCommon) + kBackgroundVertex; }
 std::string background_fragment_shader() { return std::string(kCommon) + kBackgroundFragment; }

@@ -6,9 +6,9 @@ namespace throng::render::gl {
 
 /// What the programs are compiled for.
 struct ShaderOptions {
-  bool cutout = false;      // some texel of the cast is a hole
-  bool two_sided = false;   // back faces are seen
-  bool tint_mask = false;   // some character has a tint mask
+  bool cutout = false;     // some texel of the cast is a hole
+  bool two_sided = false;  // back faces are seen
+  bool tint_mask = false;  // some character has a tint mask
 };
 
 std::string agent_vertex_shader(const ShaderOptions& options);

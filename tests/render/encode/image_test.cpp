@@ -30,7 +30,8 @@ std::vector<std::uint8_t> jpeg_of(std::uint32_t width, std::uint32_t height, int
   JpegEncoder encoder;
   const auto bytes = encoder.encode(pattern(width, height), width, height, quality);
   EXPECT_TRUE(bytes.ok()) << bytes.status();
-  return bytes.ok() ? std::vector<std::uint8_t>(bytes->begin(), bytes->end()) : std::vector<std::uint8_t>();
+  return bytes.ok() ? std::vector<std::uint8_t>(bytes->begin(), bytes->end())
+                    : std::vector<std::uint8_t>();
 }
 
 TEST(JpegTest, RoundTripKeepsPictureWithinQuality) {
@@ -63,10 +64,14 @@ TEST(JpegTest, OneEncoderTakesPicturesOfAnySize) {
 TEST(JpegTest, EncodeRejectsWrongSizeAndQuality) {
   JpegEncoder encoder;
   const auto pixels = pattern(8, 8);
-  EXPECT_THAT(std::string(encoder.encode(pixels, 8, 9, 80).status().message()), HasSubstr("must have 288"));
-  EXPECT_THAT(std::string(encoder.encode(pixels, 0, 8, 80).status().message()), HasSubstr("1 to 16384"));
-  EXPECT_THAT(std::string(encoder.encode(pixels, 16385, 8, 80).status().message()), HasSubstr("16385"));
-  EXPECT_THAT(std::string(encoder.encode(pixels, 8, 8, 0).status().message()), HasSubstr("quality is 0"));
+  EXPECT_THAT(std::string(encoder.encode(pixels, 8, 9, 80).status().message()),
+              HasSubstr("must have 288"));
+  EXPECT_THAT(std::string(encoder.encode(pixels, 0, 8, 80).status().message()),
+              HasSubstr("1 to 16384"));
+  EXPECT_THAT(std::string(encoder.encode(pixels, 16385, 8, 80).status().message()),
+              HasSubstr("16385"));
+  EXPECT_THAT(std::string(encoder.encode(pixels, 8, 8, 0).status().message()),
+              HasSubstr("quality is 0"));
   EXPECT_EQ(encoder.encode(pixels, 8, 8, 101).status().code(), absl::StatusCode::kInvalidArgument);
 }
 
@@ -164,26 +169,31 @@ std::uint32_t crc_of(std::span<const std::uint8_t> bytes) {
   return ~crc;
 }
 
-std::vector<std::uint8_t> with_size(std::vector<std::uint8_t> png, std::uint32_t width, std::uint32_t height) {
+std::vector<std::uint8_t> with_size(std::vector<std::uint8_t> png, std::uint32_t width,
+                                    std::uint32_t height) {
   for (int i = 0; i < 4; ++i) {
     png[16 + static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(width >> (24 - 8 * i));
     png[20 + static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(height >> (24 - 8 * i));
   }
   const std::uint32_t crc = crc_of(std::span(png).subspan(12, 17));
-  for (int i = 0; i < 4; ++i) png[29 + static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(crc >> (24 - 8 * i));
+  for (int i = 0; i < 4; ++i)
+    png[29 + static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(crc >> (24 - 8 * i));
   return png;
 }
 
 TEST(PngTest, SizeBeyondLimitOrFileIsRejectedBeforeMemoryIsTaken) {
   const auto png = *encode_png(pattern(4, 4), 4, 4);
-  EXPECT_THAT(std::string(decode_png(with_size(png, 16385, 4)).status().message()), HasSubstr("1 to 16384"));
-  EXPECT_THAT(std::string(decode_png(with_size(png, 16384, 16384)).status().message()), HasSubstr("cannot hold"));
+  EXPECT_THAT(std::string(decode_png(with_size(png, 16385, 4)).status().message()),
+              HasSubstr("1 to 16384"));
+  EXPECT_THAT(std::string(decode_png(with_size(png, 16384, 16384)).status().message()),
+              HasSubstr("cannot hold"));
 }
 
 TEST(PngTest, AnythingElseIsRejected) {
   EXPECT_EQ(decode_png({}).status().code(), absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(decode_png(jpeg_of(8, 8)).status().code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(decode_jpeg(*encode_png(pattern(4, 4), 4, 4)).status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(decode_jpeg(*encode_png(pattern(4, 4), 4, 4)).status().code(),
+            absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(decode_jpeg({}).status().code(), absl::StatusCode::kInvalidArgument);
 }
 

@@ -18,7 +18,8 @@ std::string read(const std::string& path) {
 std::vector<std::uint8_t> frame(std::uint32_t width, std::uint32_t height, int number) {
   std::vector<std::uint8_t> rgbx;
   for (std::uint32_t i = 0; i < width * height; ++i) {
-    const auto value = static_cast<std::uint8_t>((i % width) * 3 + static_cast<std::uint32_t>(number) * 5);
+    const auto value =
+        static_cast<std::uint8_t>((i % width) * 3 + static_cast<std::uint32_t>(number) * 5);
     rgbx.insert(rgbx.end(), {value, static_cast<std::uint8_t>(255 - value), 128, 255});
   }
   return rgbx;
@@ -35,7 +36,8 @@ TEST(VideoTest, WritesPlayableFileWithIndexInFront) {
   auto video = open_video(folder.file("x.mp4"), 64, 48, 25.0);
   ASSERT_TRUE(video.ok()) << video.status();
   EXPECT_FALSE((*video)->codec().empty());
-  for (int i = 0; i < 50; ++i) ASSERT_TRUE((*video)->add(frame(64, 48, i), 7'000'000 + i * 40'000).ok());
+  for (int i = 0; i < 50; ++i)
+    ASSERT_TRUE((*video)->add(frame(64, 48, i), 7'000'000 + i * 40'000).ok());
   EXPECT_FALSE(std::filesystem::exists(folder.file("x.mp4")));  // not before it is whole
   ASSERT_TRUE((*video)->finish().ok());
   const std::string bytes = read(folder.file("x.mp4"));
@@ -44,7 +46,8 @@ TEST(VideoTest, WritesPlayableFileWithIndexInFront) {
   const std::size_t header = bytes.find("mvhd");
   ASSERT_NE(header, std::string::npos);
   // version and flags, two times, then ticks a second and length
-  EXPECT_NEAR(static_cast<double>(big_endian(bytes, header + 20)) / big_endian(bytes, header + 16), 2.0, 0.05);
+  EXPECT_NEAR(static_cast<double>(big_endian(bytes, header + 20)) / big_endian(bytes, header + 16),
+              2.0, 0.05);
   EXPECT_EQ(folder.entry_count(), 1u);
 }
 
@@ -62,7 +65,8 @@ TEST(VideoTest, TimeThatDoesNotGrowIsRejectedAndTheRestGoesOn) {
   auto video = open_video(folder.file("x.mp4"), 32, 32, 30.0);
   ASSERT_TRUE(video.ok()) << video.status();
   ASSERT_TRUE((*video)->add(frame(32, 32, 0), 1000).ok());
-  EXPECT_THAT(std::string((*video)->add(frame(32, 32, 0), 1000).message()), ::testing::HasSubstr("must be after 1000"));
+  EXPECT_THAT(std::string((*video)->add(frame(32, 32, 0), 1000).message()),
+              ::testing::HasSubstr("must be after 1000"));
   ASSERT_TRUE((*video)->add(frame(32, 32, 1), 50'000).ok());
   EXPECT_TRUE((*video)->finish().ok());
   EXPECT_EQ((*video)->finish().code(), absl::StatusCode::kFailedPrecondition);
@@ -81,9 +85,12 @@ TEST(VideoTest, UnfinishedVideoIsRemoved) {
 
 TEST(VideoTest, OpenRejectsWrongSizeRateAndPath) {
   const test::TemporaryFolder folder;
-  EXPECT_EQ(open_video(folder.file("x.mp4"), 1, 32, 30.0).status().code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(open_video(folder.file("x.mp4"), 32, 16385, 30.0).status().code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(open_video(folder.file("x.mp4"), 32, 32, 0.0).status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(open_video(folder.file("x.mp4"), 1, 32, 30.0).status().code(),
+            absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(open_video(folder.file("x.mp4"), 32, 16385, 30.0).status().code(),
+            absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(open_video(folder.file("x.mp4"), 32, 32, 0.0).status().code(),
+            absl::StatusCode::kInvalidArgument);
   const auto missing = open_video(folder.file("none/x.mp4"), 32, 32, 30.0).status();
   EXPECT_EQ(missing.code(), absl::StatusCode::kUnavailable);
   EXPECT_THAT(std::string(missing.message()), ::testing::HasSubstr("none/x.mp4"));

@@ -24,7 +24,8 @@ TEST(TextureLayersTest, ImagesOfCommonSizeKeepTheirBakedLevels) {
 }
 
 TEST(TextureLayersTest, MissingLevelsAreMeansInLinearLight) {
-  const std::vector<std::uint8_t> texels = {0, 0, 0, 255, 255, 255, 255, 255, 255, 255, 255, 255, 0, 0, 0, 255};
+  const std::vector<std::uint8_t> texels = {0,   0,   0,   255, 255, 255, 255, 255,
+                                            255, 255, 255, 255, 0,   0,   0,   255};
   const MipImage image{2, 2, 1, texels};
   const auto srgb = make_texture_layers({&image}, true, 0, 4096);
   ASSERT_TRUE(srgb.ok());
@@ -65,7 +66,8 @@ TEST(TextureLayersTest, LimitShrinksImages) {
 TEST(TextureLayersTest, ImageWithTooFewTexelsIsRejected) {
   const auto texels = filled(3, 1);
   const MipImage image{2, 2, 1, texels};
-  EXPECT_EQ(make_texture_layers({&image}, true, 0, 4096).status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(make_texture_layers({&image}, true, 0, 4096).status().code(),
+            absl::StatusCode::kInvalidArgument);
 }
 
 }  // namespace

@@ -14,8 +14,8 @@ namespace throng::render {
 namespace {
 
 /// Pictures of mannequins against those in tests/data/golden, which gl on llvmpipe has drawn.
-/// THRONG_UPDATE_GOLDEN=1 writes them anew: look at them before they are committed. A picture that differs is left beside the test
-/// results.
+/// THRONG_UPDATE_GOLDEN=1 writes them anew: look at them before they are committed. A picture that
+/// differs is left beside the test results.
 class GoldenTest : public test::RasterizerFixture {
  protected:
   static constexpr Viewport kViewport{256, 160};
@@ -24,11 +24,13 @@ class GoldenTest : public test::RasterizerFixture {
                      const Look& look = Look{}) {
     ASSERT_TRUE(rasterizer_->upload(test::mannequin_cast()).ok());
     Picture picture;
-    const auto status = rasterizer_->draw(scene.geometry(), camera, kViewport, {0, 0, 0}, look, picture);
+    const auto status =
+        rasterizer_->draw(scene.geometry(), camera, kViewport, {0, 0, 0}, look, picture);
     ASSERT_TRUE(status.ok()) << status;
     const auto png = encode_png(picture.rgbx, picture.width_px, picture.height_px);
     ASSERT_TRUE(png.ok()) << png.status();
-    const std::string golden = std::string(THRONG_SOURCE_DIR) + "/tests/data/golden/" + name + ".png";
+    const std::string golden =
+        std::string(THRONG_SOURCE_DIR) + "/tests/data/golden/" + name + ".png";
     if (std::getenv("THRONG_UPDATE_GOLDEN") != nullptr && GetParam() == RasterKind::kGl) {
       ASSERT_TRUE(write_file(golden, *png).ok());
       GTEST_SKIP() << "written: " << golden;
@@ -39,7 +41,8 @@ class GoldenTest : public test::RasterizerFixture {
     const auto expected = decode_png(bytes);
     ASSERT_TRUE(expected.ok()) << expected.status();
     const test::ImageDifference difference = test::compare_images(picture.rgbx, expected->rgbx);
-    // Another driver, another rasterizer or four samples a pixel move the edges by parts of a pixel.
+    // Another driver, another rasterizer or four samples a pixel move the edges by parts of a
+    // pixel.
     const bool same_device = rasterizer_->info().name.find("llvmpipe") != std::string::npos &&
                              std::getenv("THRONG_GL_SAMPLES") == nullptr;
     const bool close = same_device ? difference.mean < 0.2 && difference.psnr_db > 40.0
@@ -47,11 +50,12 @@ class GoldenTest : public test::RasterizerFixture {
     if (!close) {
       const std::string actual = std::string(THRONG_BINARY_DIR) + "/test-results/" + name + ".png";
       std::error_code ignored;
-      std::filesystem::create_directories(std::string(THRONG_BINARY_DIR) + "/test-results", ignored);
+      std::filesystem::create_directories(std::string(THRONG_BINARY_DIR) + "/test-results",
+                                          ignored);
       (void)write_file(actual, *png);
       ADD_FAILURE() << name << ": mean " << difference.mean << ", max " << difference.max << ", "
-                    << 100.0 * difference.share_over_8 << " % differ by more than 8, PSNR " << difference.psnr_db
-                    << " dB; see " << actual;
+                    << 100.0 * difference.share_over_8 << " % differ by more than 8, PSNR "
+                    << difference.psnr_db << " dB; see " << actual;
     }
   }
 
@@ -96,7 +100,9 @@ TEST_P(GoldenTest, GrazingGround) {
   expect_golden("grazing_ground", test::RasterScene{}, camera);
 }
 
-INSTANTIATE_TEST_SUITE_P(Kinds, GoldenTest, ::testing::Values(RasterKind::kGl, RasterKind::kVisibility), test::kind_name);
+INSTANTIATE_TEST_SUITE_P(Kinds, GoldenTest,
+                         ::testing::Values(RasterKind::kGl, RasterKind::kVisibility),
+                         test::kind_name);
 
 }  // namespace
 }  // namespace throng::render

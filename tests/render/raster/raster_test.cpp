@@ -11,8 +11,8 @@
 namespace throng::render {
 namespace {
 
-using ::testing::HasSubstr;
 using test::RasterScene;
+using ::testing::HasSubstr;
 
 struct Rgb {
   int r, g, b;
@@ -41,12 +41,14 @@ Look flat_look() {
 }
 
 /// A cast of one member with these texels (rows from the top, r g b a), drawn as they are.
-std::shared_ptr<const Cast> cast_of(std::uint32_t width, std::uint32_t height, std::vector<std::uint8_t> texels,
+std::shared_ptr<const Cast> cast_of(std::uint32_t width, std::uint32_t height,
+                                    std::vector<std::uint8_t> texels,
                                     std::vector<std::uint8_t> mask = {}, std::uint8_t flags = 0) {
   struct Storage {
     std::vector<std::uint8_t> texels, mask, flags;
   };
-  auto storage = std::make_shared<Storage>(Storage{std::move(texels), std::move(mask), {flags, flags}});
+  auto storage =
+      std::make_shared<Storage>(Storage{std::move(texels), std::move(mask), {flags, flags}});
   CastMember member;
   member.character.name = "flat";
   member.character.height_m = 1.0F;
@@ -80,10 +82,11 @@ const std::vector<std::uint8_t> kRedWhite = {255, 0, 0, 255, 255, 255, 255, 255}
 
 class RasterTest : public test::RasterizerFixture {
  protected:
-  Picture draw(const RasterScene& scene, const Camera& camera, const Viewport& viewport, const Look& look,
-               const glm::dvec3& origin = glm::dvec3(0.0)) {
+  Picture draw(const RasterScene& scene, const Camera& camera, const Viewport& viewport,
+               const Look& look, const glm::dvec3& origin = glm::dvec3(0.0)) {
     Picture picture;
-    const auto status = rasterizer_->draw(scene.geometry(), camera, viewport, origin, look, picture);
+    const auto status =
+        rasterizer_->draw(scene.geometry(), camera, viewport, origin, look, picture);
     EXPECT_TRUE(status.ok()) << status;
     EXPECT_EQ(picture.rgbx.size(), std::size_t{4} * viewport.width_px * viewport.height_px);
     return picture;
@@ -97,7 +100,8 @@ TEST_P(RasterTest, InfoNamesTheDevice) {
 
 TEST_P(RasterTest, ViewportOutsideLimitsIsRejected) {
   Picture picture;
-  for (const Viewport viewport : {Viewport{0, 10}, Viewport{10, 0}, Viewport{16385, 10}, Viewport{10, 16385}}) {
+  for (const Viewport viewport :
+       {Viewport{0, 10}, Viewport{10, 0}, Viewport{16385, 10}, Viewport{10, 16385}}) {
     const auto status = rasterizer_->draw({}, camera_north(), viewport, {0, 0, 0}, Look{}, picture);
     EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
     EXPECT_THAT(std::string(status.message()), HasSubstr("must be 1 to 16384"));
@@ -107,8 +111,8 @@ TEST_P(RasterTest, ViewportOutsideLimitsIsRejected) {
 TEST_P(RasterTest, EmptyGeometryGivesTheEmptyScene) {
   const Picture picture = draw({}, camera_north(), {64, 64}, Look{});
   const Rgb sky = at(picture, 32, 4), ground = at(picture, 32, 60);
-  EXPECT_GT(sky.b, sky.r);                         // blue above
-  EXPECT_LT(std::abs(ground.r - ground.b), 24);    // grey below
+  EXPECT_GT(sky.b, sky.r);                       // blue above
+  EXPECT_LT(std::abs(ground.r - ground.b), 24);  // grey below
   EXPECT_GT(sky.b, ground.b);
   for (std::size_t i = 3; i < picture.rgbx.size(); i += 4) ASSERT_EQ(picture.rgbx[i], 255);
 }
@@ -118,7 +122,8 @@ TEST_P(RasterTest, GeometryBeforeUploadIsAFailedPrecondition) {
   scene.begin_instance({0, 5, -2});
   add_facing_wall(scene, {0, 5, 0}, 1.0F);
   Picture picture;
-  EXPECT_EQ(rasterizer_->draw(scene.geometry(), camera_north(), {8, 8}, {0, 0, 0}, Look{}, picture).code(),
+  EXPECT_EQ(rasterizer_->draw(scene.geometry(), camera_north(), {8, 8}, {0, 0, 0}, Look{}, picture)
+                .code(),
             absl::StatusCode::kFailedPrecondition);
 }
 
@@ -148,7 +153,8 @@ TEST_P(RasterTest, InconsistentGeometryIsRejected) {
 
 TEST_P(RasterTest, UploadRejectsEmptyCast) {
   EXPECT_EQ(rasterizer_->upload(nullptr).code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(rasterizer_->upload(std::make_shared<Cast>()).code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(rasterizer_->upload(std::make_shared<Cast>()).code(),
+            absl::StatusCode::kInvalidArgument);
 }
 
 TEST_P(RasterTest, NearerTriangleHidesFartherOneInEitherOrder) {
@@ -159,7 +165,8 @@ TEST_P(RasterTest, NearerTriangleHidesFartherOneInEitherOrder) {
     // the near one shows the white half of the texture only, the far one the red half
     const auto add = [&](float distance, float u) {
       const glm::vec3 normal(0, -1, 0);
-      const auto a = scene.add_vertex({-9, distance, 9}, normal, {u, 0}), b = scene.add_vertex({-9, distance, -9}, normal, {u, 0});
+      const auto a = scene.add_vertex({-9, distance, 9}, normal, {u, 0}),
+                 b = scene.add_vertex({-9, distance, -9}, normal, {u, 0});
       const auto c = scene.add_vertex({9, distance, -9}, normal, {u, 0});
       scene.add_triangle(a, b, c);
     };
@@ -175,7 +182,7 @@ TEST_P(RasterTest, NearPlaneCutsWhatIsBehindTheEye) {
   ASSERT_TRUE(rasterizer_->upload(cast_of(2, 1, kRedWhite)).ok());
   RasterScene scene;
   scene.begin_instance({0, -5, -2});
-  add_facing_wall(scene, {0, -5, 0}, 50.0F);   // behind
+  add_facing_wall(scene, {0, -5, 0}, 50.0F);     // behind
   add_facing_wall(scene, {0, 0.05F, 0}, 50.0F);  // nearer than the near plane
   const Picture with = draw(scene, camera_north(), {32, 32}, flat_look());
   const Picture without = draw({}, camera_north(), {32, 32}, flat_look());
@@ -191,11 +198,13 @@ TEST_P(RasterTest, PointsLandWhereTheMatrixPutsThem) {
   orthographic.ortho_height_m = 12.0;
   const Viewport viewport{200, 120};
   for (const Camera& camera : {oblique, orthographic}) {
-    for (const glm::dvec3 place : {glm::dvec3(0, 0, 1), glm::dvec3(2, 1, 3), glm::dvec3(-3, 2, 0)}) {
+    for (const glm::dvec3 place :
+         {glm::dvec3(0, 0, 1), glm::dvec3(2, 1, 3), glm::dvec3(-3, 2, 0)}) {
       RasterScene scene;
       const glm::vec3 centre(place - camera.eye_world);
       scene.begin_instance(centre);
-      test::add_bone(scene, centre, 0.0F, {0, 0, -0.001F}, {0, 0, 0.001F}, 0.3F, 0.3F, test::Region::kSkin, 12);
+      test::add_bone(scene, centre, 0.0F, {0, 0, -0.001F}, {0, 0, 0.001F}, 0.3F, 0.3F,
+                     test::Region::kSkin, 12);
       const Picture picture = draw(scene, camera, viewport, flat_look());
       double x_sum = 0, y_sum = 0, count = 0;
       for (std::uint32_t y = 0; y < viewport.height_px; ++y) {
@@ -219,7 +228,10 @@ TEST_P(RasterTest, PointsLandWhereTheMatrixPutsThem) {
 
 TEST_P(RasterTest, TexturesAreTheRightWayUp) {
   // red top left, green top right, blue bottom left, white bottom right
-  ASSERT_TRUE(rasterizer_->upload(cast_of(2, 2, {255, 0, 0, 255, 0, 255, 0, 255, 0, 0, 255, 255, 255, 255, 255, 255})).ok());
+  ASSERT_TRUE(rasterizer_
+                  ->upload(cast_of(
+                      2, 2, {255, 0, 0, 255, 0, 255, 0, 255, 0, 0, 255, 255, 255, 255, 255, 255}))
+                  .ok());
   RasterScene scene;
   scene.begin_instance({0, 5, -2});
   add_facing_wall(scene, {0, 5, 0}, 1.0F);
@@ -235,8 +247,10 @@ TEST_P(RasterTest, TexturesAreTheRightWayUp) {
 
 TEST_P(RasterTest, TintMultipliesBaseColourWhereTheMaskSaysSo) {
   // left half: plain white; right half: white under the mask of the top
-  ASSERT_TRUE(rasterizer_->upload(cast_of(2, 1, {255, 255, 255, 255, 255, 255, 255, 255},
-                                          {0, 0, 0, 0, 0, 0, 255, 0})).ok());
+  ASSERT_TRUE(rasterizer_
+                  ->upload(cast_of(2, 1, {255, 255, 255, 255, 255, 255, 255, 255},
+                                   {0, 0, 0, 0, 0, 0, 255, 0}))
+                  .ok());
   const auto halves = [&](std::uint32_t seed) {
     RasterScene scene;
     scene.begin_instance({0, 5, -2}, 0, seed);
@@ -260,7 +274,10 @@ TEST_P(RasterTest, TransparentTexelsAreHolesWhereCutOutIsAsked) {
   if (GetParam() == RasterKind::kVisibility) GTEST_SKIP() << "visibility draws cut-outs solid";
   const std::vector<std::uint8_t> half = {255, 0, 0, 255, 255, 0, 0, 0};
   for (const bool cutout : {false, true}) {
-    ASSERT_TRUE(rasterizer_->upload(cast_of(2, 1, half, {}, cutout ? kTriangleAlphaCutout : std::uint8_t{0})).ok());
+    ASSERT_TRUE(
+        rasterizer_
+            ->upload(cast_of(2, 1, half, {}, cutout ? kTriangleAlphaCutout : std::uint8_t{0}))
+            .ok());
     RasterScene scene;
     scene.begin_instance({0, 5, -2});
     add_facing_wall(scene, {0, 5, 0}, 1.0F);
@@ -273,8 +290,10 @@ TEST_P(RasterTest, TransparentTexelsAreHolesWhereCutOutIsAsked) {
 
 TEST_P(RasterTest, BackFacesAreSeenOnlyInDoubleSidedCasts) {
   for (const bool double_sided : {false, true}) {
-    ASSERT_TRUE(rasterizer_->upload(cast_of(2, 1, {255, 0, 0, 255, 255, 0, 0, 255}, {},
-                                            double_sided ? kTriangleDoubleSided : std::uint8_t{0})).ok());
+    ASSERT_TRUE(rasterizer_
+                    ->upload(cast_of(2, 1, {255, 0, 0, 255, 255, 0, 0, 255}, {},
+                                     double_sided ? kTriangleDoubleSided : std::uint8_t{0}))
+                    .ok());
     RasterScene scene;
     scene.begin_instance({0, 5, -2});
     add_wall(scene, {0, 5, 0}, 1.0F);
@@ -297,11 +316,11 @@ TEST_P(RasterTest, ChannelsAreColouredOnTheViridisMap) {
   };
   const Rgb low = color(10.0F), middle = color(15.0F), high = color(20.0F);
   const Rgb below = color(-5.0F), none = color(std::nanf(""));
-  EXPECT_GT(low.b, low.g + 40);                   // violet
-  EXPECT_GT(middle.g, middle.r + 60);             // green-blue
+  EXPECT_GT(low.b, low.g + 40);                      // violet
+  EXPECT_GT(middle.g, middle.r + 60);                // green-blue
   EXPECT_GT(std::min(high.r, high.g), high.b + 60);  // yellow
   EXPECT_EQ(below.r, low.r);
-  EXPECT_LT(std::abs(none.r - none.b), 16);       // grey
+  EXPECT_LT(std::abs(none.r - none.b), 16);  // grey
 }
 
 TEST_P(RasterTest, AnySizeWorksAndComingBackGivesTheSameBytes) {
@@ -311,8 +330,9 @@ TEST_P(RasterTest, AnySizeWorksAndComingBackGivesTheSameBytes) {
   camera.target_world = {0, 0, 1};
   const RasterScene scene = test::mannequin_crowd(camera, 9, 1.5F);
   const Picture first = draw(scene, camera, {96, 64}, Look{});
-  for (const Viewport viewport : {Viewport{1, 1}, Viewport{3, 7}, Viewport{333, 1}, Viewport{1, 201}, Viewport{101, 67},
-                                  Viewport{64, 96}, Viewport{200, 100}}) {
+  for (const Viewport viewport :
+       {Viewport{1, 1}, Viewport{3, 7}, Viewport{333, 1}, Viewport{1, 201}, Viewport{101, 67},
+        Viewport{64, 96}, Viewport{200, 100}}) {
     draw(scene, camera, viewport, Look{});
   }
   EXPECT_EQ(draw(scene, camera, {96, 64}, Look{}).rgbx, first.rgbx);
@@ -329,7 +349,8 @@ TEST_P(RasterTest, ThreadsDoNotChangeTheBytes) {
     ASSERT_TRUE(rasterizer.ok()) << rasterizer.status();
     ASSERT_TRUE((*rasterizer)->upload(test::mannequin_cast()).ok());
     Picture picture;
-    ASSERT_TRUE((*rasterizer)->draw(scene.geometry(), camera, {160, 120}, {0, 0, 0}, Look{}, picture).ok());
+    ASSERT_TRUE(
+        (*rasterizer)->draw(scene.geometry(), camera, {160, 120}, {0, 0, 0}, Look{}, picture).ok());
     if (expected.empty()) expected = picture.rgbx;
     EXPECT_EQ(picture.rgbx, expected) << threads << " threads";
   }
@@ -351,13 +372,15 @@ TEST_P(RasterTest, PictureInTilesHasNoSeams) {
   for (std::uint32_t x = 2048; x < picture.width_px; x += 2048) {
     for (std::uint32_t y = 0; y < picture.height_px; ++y) {
       const Rgb a = at(picture, x - 1, y), b = at(picture, x, y);
-      ASSERT_LE(std::abs(a.r - b.r) + std::abs(a.g - b.g) + std::abs(a.b - b.b), 3) << "column " << x << ", row " << y;
+      ASSERT_LE(std::abs(a.r - b.r) + std::abs(a.g - b.g) + std::abs(a.b - b.b), 3)
+          << "column " << x << ", row " << y;
     }
   }
   // the wall is where it would be in one piece: 2 of 15 metres wide, in the middle
   std::uint32_t covered = 0;
   const Picture empty = draw({}, camera, {9000, 12}, look);
-  for (std::uint32_t x = 0; x < picture.width_px; ++x) covered += std::abs(at(picture, x, 6).r - at(empty, x, 6).r) > 8;
+  for (std::uint32_t x = 0; x < picture.width_px; ++x)
+    covered += std::abs(at(picture, x, 6).r - at(empty, x, 6).r) > 8;
   EXPECT_NEAR(covered, 1200, 16);
 }
 
@@ -421,7 +444,9 @@ TEST_P(RasterTest, TwoRasterizersTakeTurnsOnOneThread) {
   EXPECT_EQ(draw({}, camera_north(), {40, 30}, Look{}).rgbx, before.rgbx);
 }
 
-INSTANTIATE_TEST_SUITE_P(Kinds, RasterTest, ::testing::Values(RasterKind::kGl, RasterKind::kVisibility), test::kind_name);
+INSTANTIATE_TEST_SUITE_P(Kinds, RasterTest,
+                         ::testing::Values(RasterKind::kGl, RasterKind::kVisibility),
+                         test::kind_name);
 
 TEST(MakeRasterizerTest, DescribesEveryPlatformTried) { EXPECT_FALSE(describe_egl().empty()); }
 
