@@ -11,11 +11,10 @@
 #include <vector>
 
 #include "render/compute/cpu/work_pool.hpp"
-#include "render/raster/element/color.hpp"
-#include "render/raster/element/tint.hpp"
 #include "render/raster/gl/cast_textures.hpp"
 #include "render/raster/gl/egl_context.hpp"
 #include "render/raster/gl/shaders.hpp"
+#include "render/raster/scene.hpp"
 #include "render/raster/smooth_edges.hpp"
 
 namespace throng::render::gl {
@@ -27,10 +26,6 @@ constexpr std::uint32_t kTargetMaxSidePx = 8192;
 constexpr std::uint64_t kTargetMaxPixels = 4096ull * 2304;
 constexpr std::uint32_t kTilePx = 2048;
 
-// Agents at least this tall cast a projected figure's shadow (fading in to the second); the others
-// a soft ellipse.
-constexpr float kCastShadowFromPx = 40.0F, kCastShadowFullPx = 64.0F;
-
 // Mirrors `Frame` in shaders.cpp (std140).
 struct FrameUniforms {
   glm::mat4 clip_from_relative;
@@ -38,15 +33,6 @@ struct FrameUniforms {
   glm::vec4 ray_origin, ray_origin_x, ray_origin_y, ray_direction, ray_direction_x, ray_direction_y;
   glm::vec4 grid;
 };
-
-// Mirrors `Instance` in shaders.cpp (std430).
-struct InstanceData {
-  glm::vec4 feet_height;
-  std::uint32_t tints[4];
-  std::uint32_t layer, channel;
-  float cast_shadow, padding;
-};
-static_assert(sizeof(InstanceData) == 48);
 
 absl::Status gl_failed(const char* call) {
   const GLenum code = glGetError();
@@ -293,10 +279,8 @@ class GlRasterizer final : public Rasterizer {
       picture.height_px = viewport.height_px;
       picture.rgbx.resize(std::size_t{4} * viewport.width_px * viewport.height_px);
 
-      const float ground_relative_m = static_cast<float>(origin_world.z - camera.eye_world.z);
-      const bool shadows = look.ground && look.shadows && ground_relative_m < 0.0F;
-      if (auto status = stage(geometry, camera, viewport, look, shadows); !status.ok())
-        return status;
+      const SceneFrame scene = make_scene_frame(camera, viewport, origin_world, look);
+      if (auto status = stage(geometry, scene, look); !status.ok()) return status;
 
       const bool whole = viewport.width_px <= kTargetMaxSidePx &&
                          viewport.height_px <= kTargetMaxSidePx &&
@@ -307,8 +291,8 @@ class GlRasterizer final : public Rasterizer {
         for (std::uint32_t x = 0; x < viewport.width_px; x += tile_width) {
           const Tile tile{x, y, std::min(tile_width, viewport.width_px - x),
                           std::min(tile_height, viewport.height_px - y)};
-          set_uniforms(tile, camera, viewport, origin_world, look, shadows);
-          if (auto status = draw_tile(geometry, tile, look, shadows, picture); !status.ok()) {
+          set_uniforms(tile, camera, viewport, scene);
+          if (auto status = draw_tile(geometry, tile, scene.shadows, picture); !status.ok()) {
             return status;
           }
         }
@@ -369,10 +353,10 @@ class GlRasterizer final : public Rasterizer {
       return absl::InvalidArgumentError(
           absl::StrCat("gl draw: ", geometry.indices.size(), " indices, must be a multiple of 3"));
     }
-    if (count * sizeof(InstanceData) > static_cast<std::size_t>(max_storage_bytes_)) {
+    if (count * sizeof(InstanceShade) > static_cast<std::size_t>(max_storage_bytes_)) {
       return absl::ResourceExhaustedError(
           absl::StrCat("gl draw: ", count, " visible instances, at most ",
-                       static_cast<std::size_t>(max_storage_bytes_) / sizeof(InstanceData)));
+                       static_cast<std::size_t>(max_storage_bytes_) / sizeof(InstanceShade)));
     }
     if (!geometry.indices.empty() || count > 0) {
       if (geometry.vertex_offset.size() != count + 1) {
@@ -402,12 +386,11 @@ class GlRasterizer final : public Rasterizer {
   }
 
   /// Copies the frame's arrays to the mapped buffers and plans the cast shadows.
-  absl::Status stage(const FrameGeometry& geometry, const Camera& camera, const Viewport& viewport,
-                     const Look& look, bool shadows) {
+  absl::Status stage(const FrameGeometry& geometry, const SceneFrame& scene, const Look& look) {
     if (auto status = vertices_.reserve(geometry.vertices.size_bytes()); !status.ok())
       return status;
     if (auto status = indices_.reserve(geometry.indices.size_bytes()); !status.ok()) return status;
-    if (auto status = instances_.reserve(geometry.instances.size() * sizeof(InstanceData));
+    if (auto status = instances_.reserve(geometry.instances.size() * sizeof(InstanceShade));
         !status.ok()) {
       return status;
     }
@@ -417,62 +400,20 @@ class GlRasterizer final : public Rasterizer {
     if (!geometry.indices.empty()) {
       std::memcpy(indices_.data(), geometry.indices.data(), geometry.indices.size_bytes());
     }
-
-    const bool orthographic = camera.ortho_height_m > 0.0;
-    const auto height_px = static_cast<float>(viewport.height_px);
-    const float px_per_tangent =
-        orthographic ? height_px / static_cast<float>(camera.ortho_height_m)
-                     : 0.5F * height_px / static_cast<float>(std::tan(0.5 * camera.fov_y_rad));
+    shades_.clear();
     casters_.clear();
-    auto* out = static_cast<InstanceData*>(instances_.data());
-    for (std::size_t i = 0; i < geometry.instances.size(); ++i) {
-      const VisibleInstance& instance = geometry.instances[i];
-      InstanceData data{};
-      float height_m = 1.75F;
-      if (cast_ != nullptr) height_m = cast_->members[instance.character].character.height_m;
-      height_m = std::max(height_m, 0.05F) * instance.scale;
-      data.feet_height = glm::vec4(instance.position_relative, height_m);
-      const element::Tints tints = element::tints_of(instance.seed);
-      data.tints[0] = element::pack_color(tints.skin);
-      data.tints[1] = element::pack_color(tints.hair);
-      data.tints[2] = element::pack_color(tints.top);
-      data.tints[3] = element::pack_color(tints.bottom);
-      data.layer = instance.character;
-      data.channel = look.color_by_channel
-                         ? element::pack_color(channel_color(instance.channel, look))
-                         : 0xffffffffu;
-      if (shadows) {
-        const float distance_m =
-            orthographic ? 1.0F : std::max(glm::length(instance.position_relative), 0.1F);
-        const float size_px = height_m * px_per_tangent / distance_m;
-        const float share = glm::smoothstep(kCastShadowFromPx, kCastShadowFullPx, size_px);
-        if (share > 0.0F) casters_.push_back({size_px, share, static_cast<std::uint32_t>(i)});
-      }
-      out[i] = data;
+    if (cast_ != nullptr) shade_instances(geometry, *cast_, scene, look, shades_, casters_);
+    if (!shades_.empty()) {
+      std::memcpy(instances_.data(), shades_.data(), shades_.size() * sizeof(InstanceShade));
     }
-    // The largest first, until they cost a third of the figures themselves.
-    std::sort(casters_.begin(), casters_.end(), [](const Caster& a, const Caster& b) {
-      return a.size_px != b.size_px ? a.size_px > b.size_px : a.visible < b.visible;
-    });
-    std::uint64_t room = std::max<std::uint64_t>(60'000, geometry.indices.size() / 3 / 3);
-    std::size_t kept = 0;
-    for (; kept < casters_.size(); ++kept) {
-      const std::uint32_t i = casters_[kept].visible;
-      const std::uint64_t triangles = geometry.triangle_offset[i + 1] - geometry.triangle_offset[i];
-      if (triangles > room) break;
-      room -= triangles;
-      out[i].cast_shadow = casters_[kept].share;
-    }
-    casters_.resize(kept);
+
     // Runs of neighbours in the batched buffer are one range of indices.
-    std::sort(casters_.begin(), casters_.end(),
-              [](const Caster& a, const Caster& b) { return a.visible < b.visible; });
     caster_counts_.clear();
     caster_starts_.clear();
     std::uint32_t run_end = 0;
-    for (const Caster& caster : casters_) {
-      const std::uint32_t begin = geometry.triangle_offset[caster.visible];
-      const std::uint32_t end = geometry.triangle_offset[caster.visible + 1];
+    for (const std::uint32_t caster : casters_) {
+      const std::uint32_t begin = geometry.triangle_offset[caster];
+      const std::uint32_t end = geometry.triangle_offset[caster + 1];
       if (begin == end) continue;
       if (!caster_counts_.empty() && begin == run_end) {
         caster_counts_.back() += static_cast<GLsizei>(3 * (end - begin));
@@ -486,63 +427,38 @@ class GlRasterizer final : public Rasterizer {
     return absl::OkStatus();
   }
 
-  static glm::vec3 channel_color(float value, const Look& look) {
-    if (!std::isfinite(value)) return {0.32F, 0.32F, 0.33F};
-    const float range = look.channel_high - look.channel_low;
-    return element::viridis(range != 0.0F ? (value - look.channel_low) / range : 0.5F);
-  }
-
   void set_uniforms(const Tile& tile, const Camera& camera, const Viewport& viewport,
-                    const glm::dvec3& origin_world, const Look& look, bool shadows) {
-    const auto width = static_cast<double>(viewport.width_px);
-    const auto height = static_cast<double>(viewport.height_px);
-    const bool orthographic = camera.ortho_height_m > 0.0;
+                    const SceneFrame& scene) {
     FrameUniforms uniforms{};
-    // The tile's part of clip space, stretched to all of it.
-    glm::mat4 tile_from_clip(1.0F);
-    tile_from_clip[0][0] = static_cast<float>(width / tile.width_px);
-    tile_from_clip[1][1] = static_cast<float>(height / tile.height_px);
-    tile_from_clip[3][0] =
-        static_cast<float>((width - 2.0 * tile.x_px - tile.width_px) / tile.width_px);
-    tile_from_clip[3][1] =
-        static_cast<float>((2.0 * tile.y_px + tile.height_px - height) / tile.height_px);
     uniforms.clip_from_relative = clip_from_relative(camera, viewport);
     if (tile.width_px != viewport.width_px || tile.height_px != viewport.height_px) {
+      // the tile's part of clip space, stretched to all of it
+      const auto width = static_cast<double>(viewport.width_px);
+      const auto height = static_cast<double>(viewport.height_px);
+      glm::mat4 tile_from_clip(1.0F);
+      tile_from_clip[0][0] = static_cast<float>(width / tile.width_px);
+      tile_from_clip[1][1] = static_cast<float>(height / tile.height_px);
+      tile_from_clip[3][0] =
+          static_cast<float>((width - 2.0 * tile.x_px - tile.width_px) / tile.width_px);
+      tile_from_clip[3][1] =
+          static_cast<float>((2.0 * tile.y_px + tile.height_px - height) / tile.height_px);
       uniforms.clip_from_relative = tile_from_clip * uniforms.clip_from_relative;
     }
-
-    const float ground = static_cast<float>(origin_world.z - camera.eye_world.z);
-    uniforms.sun_direction = glm::vec4(glm::normalize(look.sun_direction_world), ground);
-    uniforms.sun_color = glm::vec4(look.sun_color, ground < 0.0F ? 1.0F : 0.0F);
-    uniforms.sky_color = glm::vec4(look.sky_color, look.ground ? 1.0F : 0.0F);
-    uniforms.ground_light = glm::vec4(look.ground_light, shadows ? 1.0F : 0.0F);
-    uniforms.horizon_color = glm::vec4(look.horizon_color, orthographic ? 1.0F : 0.0F);
-    uniforms.ground_color = glm::vec4(look.ground_color, 0.0F);
-
-    // Rays through pixels, affine in the pixel: fragment centres are at halves already.
-    const glm::dmat3 world_from_view =
-        glm::transpose(glm::dmat3(glm::mat3(view_from_relative(camera))));
-    const double half_height =
-        orthographic ? 0.5 * camera.ortho_height_m : std::tan(0.5 * camera.fov_y_rad);
-    const double per_px = 2.0 * half_height / height;
-    const glm::dvec3 right = world_from_view[0] * per_px, down = world_from_view[1] * -per_px;
-    const glm::dvec3 corner = right * (-0.5 * width) + down * (-0.5 * height);
-    const glm::dvec3 forward = -world_from_view[2];
-    if (orthographic) {
-      uniforms.ray_origin = glm::vec4(glm::vec3(corner), 0.0F);
-      uniforms.ray_origin_x = glm::vec4(glm::vec3(right), 0.0F);
-      uniforms.ray_origin_y = glm::vec4(glm::vec3(down), 0.0F);
-      uniforms.ray_direction = glm::vec4(glm::vec3(forward), 0.0F);
-    } else {
-      uniforms.ray_direction = glm::vec4(glm::vec3(forward + corner), 0.0F);
-      uniforms.ray_direction_x = glm::vec4(glm::vec3(right), 0.0F);
-      uniforms.ray_direction_y = glm::vec4(glm::vec3(down), 0.0F);
-    }
-    // The eye within the grid's period, so that the shader's numbers stay small anywhere on earth.
-    const glm::dvec3 eye = camera.eye_world - origin_world;
-    uniforms.grid = glm::vec4(static_cast<float>(eye.x - 20.0 * std::floor(eye.x / 20.0)),
-                              static_cast<float>(eye.y - 20.0 * std::floor(eye.y / 20.0)),
-                              static_cast<float>(tile.x_px), static_cast<float>(tile.y_px));
+    const auto flag = [](bool value) { return value ? 1.0F : 0.0F; };
+    uniforms.sun_direction = glm::vec4(scene.sun_direction, scene.ground_relative_m);
+    uniforms.sun_color = glm::vec4(scene.sun_color, flag(scene.ground_relative_m < 0.0F));
+    uniforms.sky_color = glm::vec4(scene.sky_color, flag(scene.ground));
+    uniforms.ground_light = glm::vec4(scene.ground_light, flag(scene.shadows));
+    uniforms.horizon_color = glm::vec4(scene.horizon_color, flag(scene.orthographic));
+    uniforms.ground_color = glm::vec4(scene.ground_color, 0.0F);
+    uniforms.ray_origin = glm::vec4(scene.ray_origin, 0.0F);
+    uniforms.ray_origin_x = glm::vec4(scene.ray_origin_x, 0.0F);
+    uniforms.ray_origin_y = glm::vec4(scene.ray_origin_y, 0.0F);
+    uniforms.ray_direction = glm::vec4(scene.ray_direction, 0.0F);
+    uniforms.ray_direction_x = glm::vec4(scene.ray_direction_x, 0.0F);
+    uniforms.ray_direction_y = glm::vec4(scene.ray_direction_y, 0.0F);
+    uniforms.grid =
+        glm::vec4(scene.grid_eye, static_cast<float>(tile.x_px), static_cast<float>(tile.y_px));
     glNamedBufferSubData(uniforms_, 0, sizeof(uniforms), &uniforms);
   }
 
@@ -605,8 +521,8 @@ class GlRasterizer final : public Rasterizer {
     return &made;
   }
 
-  absl::Status draw_tile(const FrameGeometry& geometry, const Tile& tile, const Look& look,
-                         bool shadows, Picture& picture) {
+  absl::Status draw_tile(const FrameGeometry& geometry, const Tile& tile, bool shadows,
+                         Picture& picture) {
     auto found = target(tile.width_px, tile.height_px);
     if (!found.ok()) return found.status();
     const Target& target = **found;
@@ -647,13 +563,12 @@ class GlRasterizer final : public Rasterizer {
     glDepthMask(GL_FALSE);
     glDisable(GL_CULL_FACE);
     glEnable(GL_BLEND);
-    if (shadows && !geometry.instances.empty()) {
+    if (shadows && !shades_.empty()) {
       glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_TRUE);
       glBlendEquation(GL_MAX);
       glUseProgram(blobs_);
       glBindVertexArray(empty_array_);
-      glDrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4,
-                            static_cast<GLsizei>(geometry.instances.size()));
+      glDrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, static_cast<GLsizei>(shades_.size()));
       if (!caster_counts_.empty()) {
         glUseProgram(cast_shadows_);
         glBindVertexArray(mesh_array_);
@@ -684,11 +599,6 @@ class GlRasterizer final : public Rasterizer {
     return gl_failed("draw");
   }
 
-  struct Caster {
-    float size_px, share;
-    std::uint32_t visible;
-  };
-
   std::unique_ptr<EglContext> context_;
   std::shared_ptr<const Cast> cast_;
   ShaderOptions options_;
@@ -699,7 +609,8 @@ class GlRasterizer final : public Rasterizer {
   MappedBuffer vertices_, indices_, instances_;
   std::vector<Target> targets_;
   std::uint64_t use_ = 0;
-  std::vector<Caster> casters_;
+  std::vector<InstanceShade> shades_;
+  std::vector<std::uint32_t> casters_;
   std::vector<GLsizei> caster_counts_;
   std::vector<const void*> caster_starts_;
   WorkPool pool_;

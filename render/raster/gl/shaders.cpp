@@ -3,7 +3,7 @@
 namespace throng::render::gl {
 namespace {
 
-// Mirrors FrameUniforms and InstanceData of gl_rasterizer.cpp. "Relative" is relative to the eye.
+// Mirrors FrameUniforms of gl_rasterizer.cpp and InstanceShade of scene.hpp. "Relative" is relative to the eye.
 constexpr char kCommon[] = R"(#version 450 core
 layout(std140, binding = 0) uniform Frame {
   mat4 clip_from_relative;
@@ -46,7 +46,7 @@ struct Instance {
   uint layer;     // of the textures
   uint channel;   // colour of the channel, 0xffffffff: none
   float cast_shadow;  // share of the shadow that is drawn as a projected figure
-  float padding;
+  float size_px;
 };
 layout(std430, binding = 1) readonly buffer Instances { Instance instances[]; };
 
