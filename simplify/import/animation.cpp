@@ -277,7 +277,9 @@ absl::StatusOr<std::vector<Motion>> borrow_motions(const Document& document, con
     return absl::InvalidArgumentError(absl::StrCat(clip_file, ": ", what));
   };
   auto lender = std::make_shared<Lender>();
-  absl::StatusOr<Document> other = read_document(clip_file);
+  const absl::StatusOr<Bytes> bytes = read_file(clip_file, kMaxFileBytes);
+  if (!bytes.ok()) return bytes.status();
+  absl::StatusOr<Document> other = read_document(*bytes, clip_file);
   if (!other.ok()) return fail(other.status().message());
   lender->document = *std::move(other);
   lender->scene = make_scene(lender->document);
@@ -310,8 +312,11 @@ absl::StatusOr<std::vector<Motion>> borrow_motions(const Document& document, con
     node_of[i] = static_cast<std::int32_t>(found->second);
     same_rest = same_rest && is_same_rest(lender->scene.rest[i], scene.rest[found->second]);
   }
-  if (matched == 0)
-    return fail(absl::StrCat("none of its ", wanted, " moving joints is in ", document.path));
+  // fewer than a third of the joints would make a statue with a moving head
+  if (matched * 3 < wanted || matched == 0) {
+    return fail(absl::StrCat("only ", matched, " of its ", wanted, " moving joints are in ",
+                             document.path, ", at least a third must be"));
+  }
   if (matched < wanted) {
     notes.push_back(absl::StrCat(std::filesystem::path(clip_file).filename().string(), ": ",
                                  wanted - matched, " of ", wanted,

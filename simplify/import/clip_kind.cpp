@@ -35,6 +35,15 @@ ClipKind kind_of(std::string_view word) {
   return found == kWords.end() ? ClipKind::kOther : found->second;
 }
 
+/// Words of poses that no crowd waits or walks in, and of changes from one pose to another.
+bool is_special(std::string_view word) {
+  constexpr std::array<std::string_view, 26> kSpecial = {
+      "jump",     "jumping",  "fall", "falling", "lie",  "lying", "death",  "die",       "dead",
+      "climb",    "climbing", "hang", "hanging", "swim", "fly",   "crouch", "crouching", "crawl",
+      "crawling", "ride",     "to",   "down",    "up",   "start", "stop",   "wheelchair"};
+  return std::find(kSpecial.begin(), kSpecial.end(), word) != kSpecial.end();
+}
+
 /// Words that say nothing about the manner: rigs, numbering, "loop".
 bool is_filler(std::string_view word) {
   constexpr std::array<std::string_view, 26> kFiller = {
@@ -80,16 +89,22 @@ std::vector<ClipKind> kinds_of(const std::vector<std::string>& names) {
   for (std::size_t i = 0; i < names.size(); ++i) {
     Guess& guess = guesses[i];
     bool is_mixed = false;
+    bool is_ruled_out = false;
     for (const std::string& word : words_of(names[i])) {
       const ClipKind kind = kind_of(word);
+      is_ruled_out = is_ruled_out || is_special(word);
       if (kind != ClipKind::kOther) {
-        is_mixed = is_mixed || (guess.kind != ClipKind::kOther && guess.kind != kind);
-        guess.kind = kind;
+        const bool is_second = guess.kind != ClipKind::kOther && guess.kind != kind;
+        const bool is_seated = is_second &&
+                               (kind == ClipKind::kSit || guess.kind == ClipKind::kSit) &&
+                               (kind == ClipKind::kIdle || guess.kind == ClipKind::kIdle);
+        is_mixed = is_mixed || (is_second && !is_seated);
+        guess.kind = is_seated ? ClipKind::kSit : kind;
       } else if (!is_filler(word)) {
         ++guess.manner;
       }
     }
-    if (is_mixed) guess.kind = ClipKind::kOther;  // "sit to stand" goes from one to the other
+    if (is_mixed || is_ruled_out) guess.kind = ClipKind::kOther;
     std::size_t& least = plainest[static_cast<std::size_t>(guess.kind)];
     least = std::min(least, guess.manner);
   }

@@ -219,7 +219,7 @@ bool is_too_deep(std::string_view text) {
   return false;
 }
 
-std::uint32_t little_endian(const Bytes& bytes, std::size_t offset) {
+std::uint32_t little_endian(std::span<const std::uint8_t> bytes, std::size_t offset) {
   return std::uint32_t{bytes[offset]} | std::uint32_t{bytes[offset + 1]} << 8 |
          std::uint32_t{bytes[offset + 2]} << 16 | std::uint32_t{bytes[offset + 3]} << 24;
 }
@@ -231,7 +231,7 @@ struct Parts {
 };
 
 /// Splits a .glb (glTF 2.0 section 4.4) or takes the file as JSON.
-absl::StatusOr<Parts> split(const Bytes& file, bool named_glb) {
+absl::StatusOr<Parts> split(std::span<const std::uint8_t> file, bool named_glb) {
   Parts parts;
   const bool is_glb = file.size() >= 4 && std::memcmp(file.data(), "glTF", 4) == 0;
   if (!is_glb) {
@@ -264,7 +264,7 @@ absl::StatusOr<Parts> split(const Bytes& file, bool named_glb) {
       if (type != 0x4E4F534A) return absl::InvalidArgumentError("chunk 0 is not JSON");
       parts.json = std::string_view(reinterpret_cast<const char*>(file.data()) + offset, size);
     } else if (type == 0x004E4942) {
-      parts.binary = std::span(file).subspan(offset, size);
+      parts.binary = file.subspan(offset, size);
       parts.has_binary = true;
     }
     offset += size + (4 - size % 4) % 4;
@@ -662,14 +662,13 @@ absl::Status check_extensions(const Object& root) {
 
 }  // namespace
 
-absl::StatusOr<Document> read_document(const std::string& path) {
+absl::StatusOr<Document> read_document(std::span<const std::uint8_t> file,
+                                       const std::string& path) {
   Document document;
   document.path = path;
   document.folder = std::filesystem::path(path).parent_path().string();
-  absl::StatusOr<Bytes> file = read_file(path, kMaxFileBytes);
-  if (!file.ok()) return file.status();
-  if (file->empty()) return absl::InvalidArgumentError("is empty");
-  const absl::StatusOr<Parts> parts = split(*file, path.ends_with(".glb"));
+  if (file.empty()) return absl::InvalidArgumentError("is empty");
+  const absl::StatusOr<Parts> parts = split(file, path.ends_with(".glb"));
   if (!parts.ok()) return parts.status();
   const absl::StatusOr<Json> json = parse_json(parts->json);
   if (!json.ok()) return json.status();

@@ -164,8 +164,8 @@ struct Document {
   }
 };
 
-/// Reads the file and everything it refers to except images. Errors name the element, without the
-/// file.
-absl::StatusOr<Document> read_document(const std::string& path);
+/// Reads a file that is in memory, and everything it refers to except images, which is relative to
+/// `path`. Errors name the element, without the file.
+absl::StatusOr<Document> read_document(std::span<const std::uint8_t> file, const std::string& path);
 
 }  // namespace throng::simplify::gltf

@@ -6,12 +6,15 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <new>
 #include <numbers>
+#include <stdexcept>
 #include <utility>
 
 #include "simplify/import/animation.hpp"
 #include "simplify/import/clip_kind.hpp"
 #include "simplify/import/document.hpp"
+#include "simplify/import/file.hpp"
 #include "simplify/import/humanoid.hpp"
 #include "simplify/import/limits.hpp"
 #include "simplify/import/mesh.hpp"
@@ -33,6 +36,16 @@ glm::dmat4 turned_axes(double turn_deg) {
   turn[0][1] = std::sin(angle);
   turn[1][0] = -std::sin(angle);
   return turn * axes;
+}
+
+/// True when nothing in it is NaN or so large that products with it overflow.
+bool is_moderate(const glm::mat4& matrix) {
+  for (int c = 0; c < 4; ++c) {
+    for (int r = 0; r < 4; ++r) {
+      if (!(std::abs(matrix[c][r]) <= 1e9F)) return false;
+    }
+  }
+  return true;
 }
 
 std::vector<glm::dmat4> world_at(const Scene& scene, const Motion* motion, double time_s) {
@@ -240,14 +253,10 @@ absl::Status sample_clips(const Scene& scene, const std::vector<Motion>& motions
       const std::vector<glm::dmat4> world = world_at(scene, &motions[m], time_s);
       for (const std::uint32_t b : skeleton.binding) {
         const glm::dmat4 placed = model_from_root * world[mesh.bindings[b].node];
-        for (int c = 0; c < 4; ++c) {
-          for (int r = 0; r < 4; ++r) {
-            if (!(std::abs(placed[c][r]) <= 1e9)) {
-              return absl::InvalidArgumentError(
-                  absl::StrCat("clip ", m, " (", motions[m].name, ") frame ", frame, " node ",
-                               mesh.bindings[b].node, " has a matrix beyond 1e9"));
-            }
-          }
+        if (!is_moderate(glm::mat4(placed))) {
+          return absl::InvalidArgumentError(absl::StrCat(
+              "clip ", m, " (", motions[m].name, ") frame ", frame, " node ", mesh.bindings[b].node,
+              " has a matrix that isn't finite or is beyond 1e9"));
         }
         clip.model_from_joint.emplace_back(placed);
       }
@@ -348,6 +357,12 @@ absl::StatusOr<SourceCharacter> import_document(const Document& document,
         SourceJoint{name.empty() ? absl::StrCat("joint_", binding.node) : name, skeleton->parent[j],
                     glm::mat4(binding.joint_from_bind * root_from_model)});
   }
+  for (std::size_t j = 0; j < character.joints.size(); ++j) {
+    if (is_moderate(character.joints[j].joint_from_model)) continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat("node ", mesh->bindings[skeleton->binding[j]].node,
+                     " has a bind matrix that isn't finite or is beyond 1e9"));
+  }
   character.points.reserve(mesh->points.size());
   for (const MergedMesh::Point& from : mesh->points) {
     SourcePoint point;
@@ -381,6 +396,10 @@ absl::StatusOr<SourceCharacter> import_document(const Document& document,
     clip.frame_count = 1;
     for (const std::uint32_t b : skeleton->binding) {
       clip.model_from_joint.emplace_back(model_from_root * world[mesh->bindings[b].node]);
+      if (!is_moderate(clip.model_from_joint.back())) {
+        return absl::InvalidArgumentError(absl::StrCat(
+            "node ", mesh->bindings[b].node, " has a matrix that isn't finite or is beyond 1e9"));
+      }
     }
   }
   return character;
@@ -390,21 +409,30 @@ absl::StatusOr<SourceCharacter> import_document(const Document& document,
 }  // namespace gltf
 
 absl::StatusOr<SourceCharacter> import_gltf(const std::string& path, const ImportOptions& options) {
+  const absl::StatusOr<gltf::Bytes> bytes = gltf::read_file(path, gltf::kMaxFileBytes);
+  if (!bytes.ok()) return bytes.status();
+  return import_gltf_bytes(*bytes, path, options);
+}
+
+absl::StatusOr<SourceCharacter> import_gltf_bytes(std::span<const std::uint8_t> bytes,
+                                                  const std::string& path,
+                                                  const ImportOptions& options) {
+  const auto out_of_range = [](absl::string_view option, double value, absl::string_view range) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("import_gltf: ", option, " is ", value, ", must be in ", range));
+  };
   if (!(options.sample_rate_hz > 0.0F && options.sample_rate_hz <= 240.0F)) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "import_gltf: sample_rate_hz is ", options.sample_rate_hz, ", must be in (0, 240]"));
+    return out_of_range("sample_rate_hz", options.sample_rate_hz, "(0, 240]");
   }
   if (options.height_m.has_value() && !(*options.height_m > 0.0F && *options.height_m <= 1000.0F)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("import_gltf: height_m is ", *options.height_m, ", must be in (0, 1000]"));
+    return out_of_range("height_m", *options.height_m, "(0, 1000]");
   }
   if (!(std::abs(options.turn_deg) <= 360.0F)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("import_gltf: turn_deg is ", options.turn_deg, ", must be in [-360, 360]"));
+    return out_of_range("turn_deg", options.turn_deg, "[-360, 360]");
   }
   absl::Status status;
   try {
-    absl::StatusOr<gltf::Document> document = gltf::read_document(path);
+    absl::StatusOr<gltf::Document> document = gltf::read_document(bytes, path);
     if (document.ok()) {
       absl::StatusOr<SourceCharacter> character = gltf::import_document(*document, options);
       if (character.ok()) return character;
@@ -415,10 +443,10 @@ absl::StatusOr<SourceCharacter> import_gltf(const std::string& path, const Impor
   } catch (const std::bad_alloc&) {
     // a compressed part may ask for more than its size lets one guess
     status = absl::InvalidArgumentError("needs more memory than there is");
+  } catch (const std::length_error&) {
+    status = absl::InvalidArgumentError("needs more memory than there is");
   }
-  const std::string message(status.message());
-  return absl::InvalidArgumentError(message.starts_with(path) ? message
-                                                              : absl::StrCat(path, ": ", message));
+  return absl::InvalidArgumentError(absl::StrCat(path, ": ", status.message()));
 }
 
 }  // namespace throng::simplify

@@ -2,7 +2,9 @@
 
 #include <absl/status/statusor.h>
 
+#include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -36,5 +38,11 @@ struct ImportOptions {
 /// that isn't there.
 absl::StatusOr<SourceCharacter> import_gltf(const std::string& path,
                                             const ImportOptions& options = {});
+
+/// As `import_gltf` for a file that is in memory already. `path` names it in messages and is what
+/// the buffers and images outside it are relative to.
+absl::StatusOr<SourceCharacter> import_gltf_bytes(std::span<const std::uint8_t> bytes,
+                                                  const std::string& path,
+                                                  const ImportOptions& options = {});
 
 }  // namespace throng::simplify

@@ -32,14 +32,26 @@ absl::StatusOr<SourceImage> decode_image(std::span<const std::uint8_t> bytes) {
   int width = 0;
   int height = 0;
   int channels = 0;
-  if (stbi_info_from_memory(bytes.data(), size_bytes, &width, &height, &channels) == 0) {
-    return absl::InvalidArgumentError(absl::StrCat("is damaged: ", stbi_failure_reason()));
+  const bool is_known =
+      stbi_info_from_memory(bytes.data(), size_bytes, &width, &height, &channels) != 0;
+  if (is_png && bytes.size() >= 24) {
+    // the library doesn't tell the size of a picture that is too large for it
+    const auto big_endian = [&](std::size_t at) {
+      return bytes[at] >= 0x40
+                 ? INT_MAX
+                 : bytes[at] << 24 | bytes[at + 1] << 16 | bytes[at + 2] << 8 | bytes[at + 3];
+    };
+    width = big_endian(16);
+    height = big_endian(20);
   }
   const int limit = static_cast<int>(kMaxImageSidePx);
-  if (width < 1 || height < 1 || width > limit || height > limit ||
+  if (width > limit || height > limit ||
       static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) > kMaxTexels) {
     return absl::InvalidArgumentError(absl::StrCat("is ", width, "x", height, " px, the limit is ",
                                                    limit, " a side and ", kMaxTexels, " in all"));
+  }
+  if (!is_known) {
+    return absl::InvalidArgumentError(absl::StrCat("is damaged: ", stbi_failure_reason()));
   }
   std::uint8_t* texels =
       stbi_load_from_memory(bytes.data(), size_bytes, &width, &height, &channels, 4);
