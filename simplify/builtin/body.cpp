@@ -467,7 +467,12 @@ float hair_thickness(const Figure& figure, const glm::vec3& p) {
 
 glm::vec3 dress_head(const Figure& figure, const glm::vec3& p) {
   const float hat = hat_cover(figure, p);
-  const float hair = hair_cover(figure, p);
+  float hair = hair_cover(figure, p);
+  if (figure.hair == HairStyle::kBob || figure.hair == HairStyle::kLong) {
+    // lies close at the temples
+    const float azimuth = std::atan2(std::abs(p.y), p.x + 0.004F);
+    hair *= glm::mix(smooth_step(0.75F, 1.35F, azimuth), 1.0F, smooth_step(1.69F, 1.73F, p.z));
+  }
   glm::vec3 centre{-0.004F, 0.0F, 1.668F};
   glm::vec3 direction = p - centre;
   if (direction.z < 0.0F) direction.z *= 0.25F;  // outwards, not down, at the nape
@@ -512,8 +517,11 @@ class Modeller {
     build_hair();
     build_hat();
     build_bag();
-    for (const auto& slit : leg_slits_) body_.slits.push_back(slit);
-    for (const auto& slit : arm_slits_) body_.slits.push_back(slit);
+    // first where an opening is natural: side seams, sleeves
+    std::vector<std::vector<int>> order = leg_slits_;
+    order.insert(order.end(), arm_slits_.begin(), arm_slits_.end());
+    order.insert(order.end(), body_.slits.begin(), body_.slits.end());
+    body_.slits = std::move(order);
     mesh().compact(body_.slits);
     return std::move(body_);
   }
@@ -1069,7 +1077,7 @@ class Modeller {
                         figure_.hair == HairStyle::kAfro || figure_.hat == HatStyle::kHeadscarf;
     if (hidden) return;
     const int column = column_at(88.0F * kPi / 180.0F);
-    const int low = side_row(1.622F, column), high = side_row(1.672F, column);
+    const int low = side_row(1.618F, column), high = side_row(1.674F, column);
     for (const float side : {1.0F, -1.0F}) {
       std::vector<int> patch;
       for (int row = low; row < high; ++row) {
@@ -1081,16 +1089,17 @@ class Modeller {
           middle += mesh().vertices[mesh().faces[face].corner[i]].position / (4.0F * static_cast<float>(patch.size()));
         }
       }
+      constexpr float half = 0.028F;
       mesh().extrude(
           patch,
           [&](const glm::vec3& p) {
             const glm::vec3 r = p - middle;
-            // a shell that opens backwards: its front edge lies on the head, its rear stands off
-            const float rear = smooth_step(0.008F, -0.008F, r.x);
-            const float h = std::clamp(r.z / 0.026F, -1.0F, 1.0F);
-            const float shell = (1.0F - 0.55F * h * h) * (1.0F + 0.25F * h);
-            return middle + glm::vec3{r.x * 0.95F - 0.007F * rear - 0.002F,
-                                      r.y + side * (0.003F + 0.016F * rear) * shell, r.z * 1.08F - 0.003F * h * h};
+            // a shell that opens backwards: its front edge lies on the head, its round rear stands off
+            const float rear = smooth_step(0.004F, -0.004F, r.x);
+            const float h = std::clamp(r.z / half, -1.0F, 1.0F);
+            const float round = std::sqrt(std::max(0.0F, 1.0F - 0.88F * h * h)) * (1.0F + 0.18F * h);
+            return middle + glm::vec3{glm::mix(0.006F, 0.001F - 0.017F * round, rear) - 0.004F * h,
+                                      r.y + side * (0.004F + 0.012F * rear * round), r.z * 1.02F + 0.002F};
           },
           Part::kHead, 1, Region::kSkin, kChartHead);
     }
@@ -1107,20 +1116,31 @@ class Modeller {
     if (figure_.hair == HairStyle::kBob || figure_.hair == HairStyle::kLong) {
       // a curtain from ear to ear: one strip of the nape is lifted off, then its lower walls are
       // drawn down again and again
-      const int column = column_at(72.0F * kPi / 180.0F);
-      const int row = side_row(1.645F, column);
-      std::vector<int> patch = back_strip(row, column);
-      std::vector<glm::vec3> roots;  // upper edge of the strip: the hair grows out of the scalp there
-      for (const int v : grid_.rings[row + 1]) roots.push_back(mesh().vertices[v].position);
-      const int strip = static_cast<int>(patch.size());
+      const int column = column_at(64.0F * kPi / 180.0F);
+      const int row = side_row(1.640F, column_at(100.0F * kPi / 180.0F));
+      constexpr int kTall = 4;
+      std::vector<int> patch;
+      for (int r = 0; r < kTall; ++r) {
+        for (const int face : back_strip(row + r, column)) patch.push_back(face);
+      }
+      const int strip = columns_ - 2 * column;
+      std::vector<std::pair<glm::vec3, int>> rows;
+      for (int r = 0; r <= kTall; ++r) {
+        for (const int v : grid_.rings[row + r]) rows.push_back({mesh().vertices[v].position, r});
+      }
       std::vector<int> walls = mesh().extrude(
           patch,
           [&](const glm::vec3& p) {
             const glm::vec2 out = glm::normalize(glm::vec2{p.x + 0.004F, p.y});
-            bool root = false;
-            for (const glm::vec3& r : roots) root = root || glm::length(r - p) < 1e-6F;
-            const float off = root ? 0.0015F : 0.012F;
-            return glm::vec3{p.x + out.x * off, p.y + out.y * off, p.z - (root ? 0.003F : 0.0F)};
+            int r = 0;
+            for (const auto& [q, index] : rows) {
+              if (glm::length(q - p) < 1e-6F) r = index;
+            }
+            // grows out of the scalp above and out of the temple in front
+            const float t = static_cast<float>(kTall - r) / kTall;
+            const float temple = smooth_step(0.95F, 1.6F, std::atan2(std::abs(p.y), p.x + 0.004F));
+            const float off = 0.0010F + 0.0065F * t * t * (0.15F + 0.85F * temple);
+            return glm::vec3{p.x + out.x * off, p.y + out.y * off, p.z};
           },
           Part::kHair, 0, Region::kHair, kChartHair);
       // walls follow the rim of the patch: pick those below, in column order
@@ -1383,9 +1403,9 @@ float hair_cover(const Figure& figure, const glm::vec3& position) {
   static constexpr float kPinned[][2] = {{0, 1.725F},  {25, 1.724F}, {42, 1.711F}, {58, 1.688F},
                                          {70, 1.664F}, {79, 1.655F}, {88, 1.660F}, {100, 1.640F},
                                          {115, 1.602F}, {140, 1.580F}, {180, 1.574F}};
-  static constexpr float kFalling[][2] = {{0, 1.728F},  {20, 1.724F}, {36, 1.706F}, {48, 1.676F},
-                                          {58, 1.640F}, {66, 1.600F}, {76, 1.570F}, {95, 1.560F},
-                                          {180, 1.555F}};
+  static constexpr float kFalling[][2] = {{0, 1.732F},  {10, 1.729F}, {22, 1.716F}, {34, 1.698F},
+                                          {44, 1.676F}, {52, 1.648F}, {58, 1.612F}, {63, 1.560F},
+                                          {75, 1.530F}, {180, 1.530F}};
   static constexpr float kThin[][2] = {{0, 1.757F},  {25, 1.760F}, {42, 1.746F}, {58, 1.712F},
                                        {70, 1.668F}, {79, 1.642F}, {87, 1.648F}, {100, 1.642F},
                                        {113, 1.606F}, {135, 1.586F}, {180, 1.578F}};

@@ -19,7 +19,7 @@ float importance(const MeshFace& face, const glm::vec3& canonical) {
     case Region::kSole: return 0.4F;
     default: break;
   }
-  return canonical.z > 1.54F ? 1.5F : 1.0F;
+  return canonical.z > 1.70F ? 2.2F : canonical.z > 1.54F ? 1.4F : 1.0F;
 }
 
 std::vector<float> chart_density() {

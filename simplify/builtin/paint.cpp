@@ -295,7 +295,8 @@ class Painter {
     if (azimuth > 1.45F || z > 1.66F || z < 1.50F) return c;
     // from the sideburns along the jaw, below the cheeks, around the mouth
     const float line = 1.603F - 0.014F * bell(azimuth - 0.52F, 0.22F) + 0.055F * smooth_step(0.85F, 1.30F, azimuth);
-    float cover = smooth_step(line + 0.007F, line - 0.007F, z) * smooth_step(1.515F, 1.538F, z) * smooth_step(1.45F, 1.38F, azimuth);
+    const float jaw = 1.520F + 0.060F * smooth_step(0.35F, 1.25F, azimuth);
+    float cover = smooth_step(line + 0.007F, line - 0.007F, z) * smooth_step(jaw - 0.012F, jaw + 0.014F, z) * smooth_step(1.46F, 1.22F, azimuth);
     const float lip = band(std::hypot(y / 0.0245F, (z - 1.5905F) / 0.0105F), 0.80F, 0.12F);
     cover *= 1.0F - lip;
     const float under_nose = 1.0F - band(std::hypot(y / 0.005F, (z - 1.604F) / 0.004F), 0.8F, 0.3F);
@@ -319,22 +320,29 @@ class Painter {
     Paint out;
     const glm::vec3 p = t.p;
     const float azimuth = std::atan2(p.y, p.x + 0.004F);
-    glm::vec3 flow;
-    if (t.region == Region::kHair) {
-      flow = {azimuth * 34.0F, p.z * 5.0F, p.x * 12.0F};
-      if (t.part == Part::kHair && (f_.hair == HairStyle::kPonytail || f_.hair == HairStyle::kBun)) flow = {p.y * 420.0F, p.z * 12.0F, p.x * 20.0F};
-    } else if (p.z > 1.735F && f_.hair != HairStyle::kAfro) {
-      // combed from the parting, or back from the brow
-      flow = f_.hair == HairStyle::kParted ? glm::vec3{p.x * 330.0F, p.y * 26.0F, 1.0F} : glm::vec3{p.y * 330.0F, p.x * 26.0F, 1.0F};
-    } else {
-      flow = {azimuth * 30.0F, p.z * 14.0F, 1.0F};
-    }
-    float strand = 0.6F * noise(flow) + 0.4F * noise(flow * 2.7F + 11.0F);
-    float lock = noise(flow * glm::vec3{0.22F, 0.6F, 0.5F} + 5.0F);
+    const auto strands = [&](const glm::vec3& flow, float& strand, float& lock) {
+      strand = 0.6F * noise(flow) + 0.4F * noise(flow * 2.7F + 11.0F);
+      lock = noise(flow * glm::vec3{0.22F, 0.6F, 0.5F} + 5.0F);
+    };
+    float strand = 0.0F, lock = 0.0F;
     if (f_.hair == HairStyle::kAfro) {
       strand = 0.5F * noise(p * 260.0F) + 0.5F * noise(p * 520.0F);
       lock = noise(p * 90.0F);
+    } else if (t.region == Region::kHair) {
+      const bool tail = f_.hair == HairStyle::kPonytail || f_.hair == HairStyle::kBun;
+      strands(tail ? glm::vec3{p.y * 420.0F, p.z * 12.0F, p.x * 20.0F} : glm::vec3{azimuth * 30.0F, p.z * 7.0F, 1.0F}, strand, lock);
+    } else {
+      // falls at the sides; above it is combed from the parting, or back from the brow
+      const float over = smooth_step(1.708F, 1.752F, p.z);
+      if (over < 1.0F) strands({azimuth * 30.0F, p.z * 7.0F, 1.0F}, strand, lock);
+      if (over > 0.0F) {
+        float s = 0.0F, l = 0.0F;
+        strands(f_.hair == HairStyle::kParted ? glm::vec3{p.x * 300.0F, p.y * 26.0F, 1.0F} : glm::vec3{p.y * 300.0F, p.x * 26.0F, 1.0F}, s, l);
+        strand = glm::mix(strand, s, over);
+        lock = glm::mix(lock, l, over);
+      }
     }
+    const glm::vec3 flow = p * 60.0F;
     // a gloss where the head turns to the sky
     const float gloss = f_.hair == HairStyle::kAfro ? 0.0F : bell(t.n.z - 0.55F, 0.22F);
     glm::vec3 c = f_.color.hair * (0.66F + 0.46F * strand + 0.22F * (lock - 0.5F) + 0.16F * gloss * (0.5F + strand));
