@@ -124,7 +124,8 @@ class Publisher:
             left = self._sender.close(max(0.0, float(timeout)))
             self._counts["dropped"] += left
             if left:
-                self._fail("close", f"close: {left} frames could not be sent within {timeout} s", count=False)
+                why = f" ({self._last_error})" if self._last_error else ""
+                self._fail("close", f"close: {left} frames could not be sent within {timeout} s{why}", count=False)
             return self._sender.finished_clean
         except Exception as error:
             self._fail("close", f"close: {type(error).__name__}: {error}", exc_info=True)
@@ -133,8 +134,8 @@ class Publisher:
     @property
     def stats(self) -> Stats:
         """Counters of this moment."""
-        return Stats(id_collisions=self._ids.collisions, last_error=self._last_error,
-                     **self._counts, **self._sender.counts())
+        counts: Dict[str, Any] = {**self._counts, **self._sender.counts()}
+        return Stats(id_collisions=self._ids.collisions, last_error=self._last_error, **counts)
 
     @property
     def yaw(self) -> str:
@@ -188,9 +189,9 @@ class Publisher:
         columns = channel_columns(list(self._channels), channels, given, self._fail)
         if rows is not None:
             self._counts["bad_agents"] += given - rows.size
-            position_column, heading_column, quaternion_column = (
-                None if column is None else column[rows]
-                for column in (position_column, heading_column, quaternion_column))
+            position_column = position_column[rows]
+            heading_column = None if heading_column is None else heading_column[rows]
+            quaternion_column = None if quaternion_column is None else quaternion_column[rows]
             columns = [column[rows] for column in columns]
         # One sum finds what is not finite; only then are rows looked at.
         with np.errstate(invalid="ignore", over="ignore"):

@@ -205,11 +205,12 @@ class Sender:
                 if self._session is session:
                     self._session = None
                 broken = code in _BROKEN_NAMES
-                if broken and not self._queue and not self._abandon and session.acked_frames < session.sent_frames:
+                lost = session.newest_frame if session.acked_frames < session.sent_frames else None
+                if broken and lost is not None and not self._queue and not self._abandon:
                     # Nothing newer will tell where the agents are, so the last frame goes once more;
                     # a server that had it calls it late.
-                    self._queue.append(session.newest_frame)
-                    self._queued_bytes += session.newest_frame.size_bytes
+                    self._queue.append(lost)
+                    self._queued_bytes += lost.size_bytes
                 if self._abandon or (self._closing and not self._queue):
                     self.finished_clean = session.completed and code is None
                     return

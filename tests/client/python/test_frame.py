@@ -14,7 +14,7 @@ def axes(unit="m", up="z", yaw="ccw_rad", handed="right", origin=None):
     return Axes(unit, up, yaw, handed, origin)
 
 
-# Published test vectors of FNV-1a, 64 bit; the C++ readers are tested with the same.
+# Published test vectors of FNV-1a, 64 bit, which throng::trajectory::hash_id is too.
 @pytest.mark.parametrize("name, expected", [
     ("", 0xCBF29CE484222325), ("a", 0xAF63DC4C8601EC8C), ("foobar", 0x85944171F73967E8),
     ("person_é", None)])
