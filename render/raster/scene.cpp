@@ -74,10 +74,10 @@ void shade_instances(const FrameGeometry& geometry, const Cast& cast, const Scen
     shade.height_m =
         std::max(cast.members[instance.character].character.height_m, 0.05F) * instance.scale;
     const element::Tints tints = element::tints_of(instance.seed);
-    shade.tint[0] = element::pack_color(tints.skin);
-    shade.tint[1] = element::pack_color(tints.hair);
-    shade.tint[2] = element::pack_color(tints.top);
-    shade.tint[3] = element::pack_color(tints.bottom);
+    shade.tint[0] = element::pack_tint(tints.skin);
+    shade.tint[1] = element::pack_tint(tints.hair);
+    shade.tint[2] = element::pack_tint(tints.top);
+    shade.tint[3] = element::pack_tint(tints.bottom);
     shade.character = instance.character;
     shade.channel = look.color_by_channel
                         ? element::pack_color(channel_color(instance.channel, look))

@@ -30,7 +30,7 @@ SceneFrame make_scene_frame(const Camera& camera, const Viewport& viewport,
 struct InstanceShade {
   glm::vec3 feet_relative;
   float height_m;
-  std::uint32_t tint[4];  // skin, hair, top, bottom: element::pack_color
+  std::uint32_t tint[4];  // skin, hair, top, bottom: element::pack_tint
   std::uint32_t character;
   std::uint32_t channel;  // element::pack_color, or kNoChannel
   float cast_shadow;  // share of the shadow drawn as the figure's projection, the rest is a blob

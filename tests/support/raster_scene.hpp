@@ -158,14 +158,17 @@ inline void add_mannequin(RasterScene& scene, const glm::vec3& feet, float headi
   bone({-0.012F, 0, 1.645F}, {-0.012F, 0, 1.665F}, 0.094F, 0.092F, Region::kHair);
 }
 
-/// A cast of one member with the mannequin's texture (near white) and tint mask, no mesh of its
+/// A cast of one member with the mannequin's texture and tint mask, no mesh of its
 /// own.
 inline std::shared_ptr<const render::Cast> mannequin_cast() {
   auto texels = std::make_shared<std::vector<std::uint8_t>>();
   auto mask = std::make_shared<std::vector<std::uint8_t>>();
   for (std::uint32_t i = 0; i < 32 * 8; ++i) {
     const std::uint32_t region = i % 32 / 8;
-    texels->insert(texels->end(), {245, 245, 245, 255});
+    // painted as the tints expect: skin and hair in their own tone, clothes as light neutrals
+    constexpr std::uint8_t kBase[4][3] = {
+        {222, 176, 148}, {104, 78, 58}, {189, 189, 189}, {158, 158, 158}};
+    texels->insert(texels->end(), {kBase[region][0], kBase[region][1], kBase[region][2], 255});
     for (std::uint32_t k = 0; k < 4; ++k) mask->push_back(k == region ? 255 : 0);
   }
   auto cast = std::make_shared<render::Cast>();

@@ -38,4 +38,7 @@ inline std::uint32_t pack_color(const glm::vec3& linear) {
          static_cast<std::uint32_t>(root.b) << 20;
 }
 
+/// A tint in [0, 2], stored as the colour of its half.
+inline std::uint32_t pack_tint(const glm::vec3& tint) { return pack_color(tint * 0.5F); }
+
 }  // namespace throng::render::element

@@ -42,7 +42,7 @@ vec3 haze(vec3 color, float distance_m) {
 constexpr char kInstances[] = R"(
 struct Instance {
   vec4 feet;      // relative; w: height in metres
-  uvec4 tints;    // skin, hair, top, bottom: 10 bits a component, square root coded
+  uvec4 tints;    // skin, hair, top, bottom: element::pack_tint
   uint layer;     // of the textures
   uint channel;   // colour of the channel, 0xffffffff: none
   float cast_shadow;  // share of the shadow that is drawn as a projected figure
@@ -103,9 +103,9 @@ void main() {
 #ifdef TINT_MASK
     vec4 mask = texture(tint_mask, vec3(v_uv_ao.xy, layer));
     uvec4 tints = instances[v_visible].tints;
-    vec3 tint = vec3(max(0.0, 1.0 - dot(mask, vec4(1.0)))) + mask.r * unpack_color(tints.x) +
-                mask.g * unpack_color(tints.y) + mask.b * unpack_color(tints.z) +
-                mask.a * unpack_color(tints.w);
+    vec3 tint = mask.r * unpack_color(tints.x) + mask.g * unpack_color(tints.y) +
+                mask.b * unpack_color(tints.z) + mask.a * unpack_color(tints.w);
+    tint = max(0.0, 1.0 - dot(mask, vec4(1.0))) + 2.0 * tint;  // element::pack_tint stores halves
     albedo *= tint;
 #endif
   }

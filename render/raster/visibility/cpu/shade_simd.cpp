@@ -340,8 +340,9 @@ void ShadeItemsImpl(const SceneFrame& scene, const FrameGeometry& geometry,
       V3 tint{rest, rest, rest};
       const F* weights[4] = {&mask.r, &mask.g, &mask.b, &mask.a};
       for (int region = 0; region < 4; ++region) {
+        // element::pack_tint stores halves
         const V3 color = Unpack(hn::GatherIndex(du, shade_words + 4 + region, instance));
-        tint = Add3(tint, Scale3(color, *weights[region]));
+        tint = Add3(tint, Scale3(color, Times(*weights[region], 2.0F)));
       }
       albedo = {hn::Mul(albedo.x, tint.x), hn::Mul(albedo.y, tint.y), hn::Mul(albedo.z, tint.z)};
     }
