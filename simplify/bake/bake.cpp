@@ -83,9 +83,6 @@ absl::StatusOr<BakeResult> bake(const SourceCharacter& original, const BakeOptio
   for (const SourcePoint& point : source.points) top_m = std::max(top_m, point.position.z);
   if (options.height_m > 0.0F && top_m > 0.0F && std::isfinite(top_m)) {
     scale(source, options.height_m / top_m);
-  } else if (top_m > 4.0F || (top_m > 0.0F && top_m < 0.3F)) {
-    result.notes.push_back(
-        absl::StrCat("is ", top_m, " m tall; --height 1.75 makes it as tall as a person"));
   }
 
   auto surface = rebuild(source, options.rebuild);

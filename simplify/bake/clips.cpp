@@ -34,11 +34,43 @@ void move(std::span<Affine> frame, const glm::vec3& by) {
   }
 }
 
-float median(std::vector<float> values) {
+/// The value that the given share of values is below: 0.5 is the median.
+float share_of(std::vector<float> values, float share) {
   if (values.empty()) return 0.0F;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  const auto index = std::min(values.size() - 1,
+                              static_cast<std::size_t>(share * static_cast<float>(values.size())));
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(index);
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+/// Distance of a cycle from how far the feet swing: a foot stands for about 60 % of a walking cycle
+/// and 40 % of a running one (Novacheck 1998), and then goes back by what the body goes forward.
+float stride_from_swing(float swing_m, ClipKind kind) {
+  return swing_m / (kind == ClipKind::kRun ? 0.4F : 0.6F);
+}
+
+/// Shifts a clip so that it stands on the ground. A walk always has a foot down, so each of its
+/// frames is put there; a standing clip as a whole, by its median; a run by its lowest frames.
+/// Returns the farthest shift in metres.
+float put_on_ground(std::vector<Affine>& palette, std::size_t joints,
+                    const std::vector<float>& lowest_m, ClipKind kind, float height_m) {
+  const std::size_t frames = lowest_m.size();
+  const float whole_m = share_of(lowest_m, kind == ClipKind::kRun ? 0.1F : 0.5F);
+  if (std::fabs(whole_m) > 0.15F * height_m) return 0.0F;  // flies or swims
+  float farthest_m = 0.0F;
+  for (std::size_t f = 0; f < frames; ++f) {
+    float shift_m = whole_m;
+    if (kind == ClipKind::kWalk) {
+      // three frames together, so that one that is off doesn't jerk
+      const float mean_m =
+          (lowest_m[(f + frames - 1) % frames] + lowest_m[f] + lowest_m[(f + 1) % frames]) / 3.0F;
+      shift_m = std::clamp(mean_m, whole_m - 0.06F * height_m, whole_m + 0.06F * height_m);
+    }
+    move(std::span(palette).subspan(f * joints, joints), {0, 0, -shift_m});
+    farthest_m = std::max(farthest_m, std::fabs(shift_m));
+  }
+  return farthest_m;
 }
 
 /// One clip while it is prepared; frames [F][J].
@@ -104,10 +136,11 @@ class Preparer {
     return glm::length(way) * (is_repeated ? 1.0F : (intervals + 1.0F) / intervals);
   }
 
-  /// Speed of the ground under the stance foot in m/s, and puts the clip on the ground.
+  /// What the lowest points do.
   struct Stance {
-    float speed_mps = 0.0F;
-    float ground_m = 0.0F;  // height of the sole over z = 0
+    float speed_mps = 0.0F;       // backward, while they touch the ground
+    float swing_m = 0.0F;         // how far feet go forward and back
+    std::vector<float> lowest_m;  // [F]
   };
   Stance measure_stance(std::vector<Affine>& palette, float rate_hz, bool loop) const {
     const std::size_t frames = palette.size() / joints_;
@@ -119,12 +152,13 @@ class Preparer {
       for (const glm::vec3& each : position[f]) lowest_m[f] = std::min(lowest_m[f], each.z);
     }
     Stance stance;
-    stance.ground_m = median(lowest_m);
+    stance.lowest_m = lowest_m;
+    const float ground_m = share_of(lowest_m, 0.4F);
     std::vector<float> speeds;
     const float contact_m = 0.012F * height_m_;
     for (std::size_t f = 0; f + (loop ? 0 : 1) < frames && frames > 1; ++f) {
       // a frame in the air has no stance
-      if (lowest_m[f] > stance.ground_m + 2.0F * contact_m) continue;
+      if (lowest_m[f] > ground_m + 2.0F * contact_m) continue;
       const auto& now = position[f];
       const auto& next = position[(f + 1) % frames];
       glm::vec2 sum(0.0F);
@@ -137,7 +171,20 @@ class Preparer {
       }
       if (count > 0) speeds.push_back(-sum.x / static_cast<float>(count) * rate_hz);
     }
-    stance.speed_mps = median(speeds);
+    stance.speed_mps = share_of(speeds, 0.5F);
+
+    // soles: the lowest points of the bind pose
+    std::vector<float> ranges;
+    for (std::size_t i = 0; i < legs_.size(); ++i) {
+      if (legs_[i].position.z > 0.05F * height_m_) continue;
+      float low_m = position[0][i].x, high_m = low_m;
+      for (const auto& each : position) {
+        low_m = std::min(low_m, each[i].x);
+        high_m = std::max(high_m, each[i].x);
+      }
+      ranges.push_back(high_m - low_m);
+    }
+    stance.swing_m = share_of(ranges, 0.5F);
     return stance;
   }
 
@@ -199,7 +246,11 @@ absl::StatusOr<BakedClips> bake_clips(const SourceCharacter& source,
     const auto frames = static_cast<std::uint32_t>(palette.size() / joints);
     const float duration_s = static_cast<float>(frames) / clip.rate_hz;
     const Preparer::Stance stance = preparer.measure_stance(palette, clip.rate_hz, clip.loop);
-    const float speed_mps = way_m > 0.0F ? way_m / duration_s : std::max(0.0F, stance.speed_mps);
+    float speed_mps = way_m > 0.0F ? way_m / duration_s : std::max(0.0F, stance.speed_mps);
+    if (way_m == 0.0F && stance.swing_m > 0.2F * height_m) {
+      speed_mps =
+          std::max(speed_mps, stride_from_swing(stance.swing_m, ClipKind::kWalk) / duration_s);
+    }
 
     // kind: said, named, or measured; speeds scale with the root of leg length (Froude)
     ClipKind kind = clip.kind != ClipKind::kOther ? clip.kind : kind_from_name(clip.name);
@@ -220,20 +271,22 @@ absl::StatusOr<BakedClips> bake_clips(const SourceCharacter& source,
     float stride_m = clip.stride_m;
     if (stride_m == 0.0F && way_m > 0.0F) stride_m = way_m;
     if (stride_m == 0.0F && is_gait) {
-      stride_m = speed_mps * duration_s;
-      if (stride_m < 0.1F * height_m) {
-        stride_m = (kind == ClipKind::kRun ? 1.4F : 0.8F) * height_m;
-        notes.push_back(absl::StrCat("clip ", clip.name, ": no stance foot found, stride taken as ",
+      // Hand-made clips slide by themselves: where the stance foot says something that the swing of
+      // the feet can't be, the swing is taken.
+      stride_m = stance.speed_mps * duration_s;
+      const float from_swing_m = stride_from_swing(stance.swing_m, kind);
+      if (stride_m < 0.6F * from_swing_m || stride_m > 1.7F * from_swing_m) {
+        stride_m = from_swing_m > 0.1F * height_m ? from_swing_m : 0.8F * height_m;
+        notes.push_back(absl::StrCat("clip ", clip.name, ": feet slide in it, stride taken as ",
                                      stride_m, " m"));
       }
     }
-    const bool is_on_ground = is_gait || kind == ClipKind::kIdle;
-    if (is_on_ground && std::fabs(stance.ground_m) < 0.15F * height_m) {
-      if (std::fabs(stance.ground_m) > 0.03F * height_m) {
-        notes.push_back(absl::StrCat("clip ", clip.name, ": moved by ", -stance.ground_m,
+    if (is_gait || kind == ClipKind::kIdle) {
+      const float shift_m = put_on_ground(palette, joints, stance.lowest_m, kind, height_m);
+      if (shift_m > 0.04F * height_m) {
+        notes.push_back(absl::StrCat("clip ", clip.name, ": moved by up to ", shift_m,
                                      " m to stand on the ground"));
       }
-      move(palette, {0, 0, -stance.ground_m});
     }
 
     render::Clip baked;

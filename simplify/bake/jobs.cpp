@@ -44,7 +44,7 @@ std::vector<Job> list_jobs(const JobOptions& options) {
   std::set<std::string> names;
 #ifdef THRONG_WITH_BUILTIN
   if (options.builtin) {
-    for (const std::string& name : builtin_names()) {
+    for (const std::string& name : builtin::builtin_names()) {
       jobs.push_back({name, ""});
       names.insert(name);
     }
@@ -64,7 +64,7 @@ std::vector<Job> list_jobs(const JobOptions& options) {
 absl::StatusOr<SourceCharacter> load(const Job& job, const JobOptions& options) {
   if (job.path.empty()) {
 #ifdef THRONG_WITH_BUILTIN
-    return make_builtin(job.name);
+    return builtin::make_builtin(job.name);
 #else
     return absl::UnimplementedError("this build has no built-in cast");
 #endif
@@ -120,12 +120,11 @@ class Runner {
 
   absl::Status bake_one(std::size_t index) {
     const Job& job = jobs_[index];
-    CastEntry entry{job.name, job.name + ".throng", "", tool_version(options_.bake)};
-    absl::StatusOr<SourceCharacter> source = absl::UnknownError("not loaded");
+    auto tool = tool_version(options_.bake);
+    if (!tool.ok()) return tool.status();
+    CastEntry entry{job.name, job.name + ".throng", "", *tool};
     if (job.path.empty()) {
-      source = load(job, options_);
-      if (!source.ok()) return source.status();
-      entry.source = hash_character(*source);
+      entry.source = "builtin";
     } else {
       auto hash = hash_input(job.path);
       if (!hash.ok()) return hash.status();
@@ -143,7 +142,7 @@ class Runner {
       say(absl::StrCat(job.name, ": unchanged"));
       return absl::OkStatus();
     }
-    if (!job.path.empty()) source = load(job, options_);
+    absl::StatusOr<SourceCharacter> source = load(job, options_);
     if (!source.ok()) return source.status();
     source->name = job.name;
 
@@ -214,7 +213,8 @@ absl::Status run_jobs(const JobOptions& options, JobSummary& summary) {
   }
   auto cast = CastFile::open(options.folder);
   if (!cast.ok()) return cast.status();
-  Runner(options, *cast, summary).run();
+  Runner runner(options, *cast, summary);
+  runner.run();
   if (summary.baked == 0) return absl::OkStatus();
   return cast->save();
 }

@@ -10,8 +10,8 @@ namespace {
 // seen from afar when texture no longer is.
 constexpr float kSlide = 0.35F;
 constexpr float kMostSlide = 0.12F;  // of the character's size
-constexpr float kTorn = 0.10F;       // of the size: texture stretched over a seam, colours alike
-constexpr float kTornColor = 0.35F;  // of the size: black becomes white
+constexpr float kTorn = 0.03F;       // of the size: texture stretched over a seam, colours alike
+constexpr float kTornColor = 0.50F;  // of the size: black becomes white
 constexpr float kNormal = 0.004F;    // of the size: normals at right angles
 constexpr float kJoint = 0.03F;      // of the size: moved by quite different joints
 constexpr std::uint32_t kColorSize_px = 128;

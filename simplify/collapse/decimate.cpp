@@ -36,23 +36,37 @@ struct Phase {
   float least_quality;
   bool bind_pose_only;
   bool may_mirror;
+  std::uint32_t begin_count;  // vertices at which it begins at the latest
 };
 constexpr Phase kPhases[] = {
-    {0.20F, 0.06F, false, false},
-    {-0.10F, 0.02F, false, true},
-    {-0.50F, 0.0F, true, true},
-    {-2.0F, 0.0F, true, true},
+    {0.20F, 0.06F, false, false, 0xFFFFFFFFU},
+    {-0.10F, 0.02F, false, true, 160},
+    {-0.50F, 0.0F, true, true, 64},
+    {-2.0F, 0.0F, true, true, 0},
 };
 constexpr std::size_t kPhaseCount = std::size(kPhases);
+
+/// What a budget buys is vertices, so a step may cost more if more of them go with it. By the
+/// square root, not the number itself: seams would go too early. The coarsest levels are too small
+/// on the screen for that, and there seams would eat up half of the vertices.
+float vertex_share(std::uint32_t wedges, bool is_coarse) {
+  const float count = static_cast<float>(std::max(1U, wedges));
+  return 1.0F / (is_coarse ? count : std::sqrt(count));
+}
 
 /// Connected pieces of the surface: eyes, buttons, hair. A small one vanishes as a whole when the
 /// surface around it is as coarse as it is large.
 struct Piece {
   std::vector<std::uint32_t> triangles;
-  float removal_cost = 0.0F;
-  float size_m = 0.0F;
-  std::uint32_t points = 0;
+  float area_m2 = 0.0F;
+  float distance_m = 0.0F;  // what opens where it was
+  std::uint32_t points = 0, wedges = 0;
   bool is_gone = false;
+
+  /// In m^4 for each vertex that is won, like the cost of a collapse.
+  float removal_cost(bool is_coarse) const {
+    return area_m2 * distance_m * distance_m * vertex_share(wedges, is_coarse);
+  }
 };
 
 struct State {
@@ -71,6 +85,7 @@ struct State {
   std::vector<std::uint32_t> piece_of;  // [P]
   std::vector<bool> is_fixed;           // [P] Peng et al.'s fixed vertices
   std::size_t phase = 0;
+  bool is_coarse() const { return phase > 0; }
   float last_cost = 0.0F;
   float error_m = 0.0F;  // never falls
 };
@@ -106,10 +121,14 @@ class WedgeModule : public OpenMesh::Decimater::ModBaseT<HalfEdgeMesh> {
     const float area_m2 = state_->poses.area_m2(a);
     if (area_m2 > 0.0F)
       state_->error_m = std::max(state_->error_m, std::sqrt(cost.largest / area_m2));
-    state_->last_cost = total(cost);
+    state_->last_cost =
+        total(cost) * vertex_share(state_->mesh.alive_wedges(a), state_->is_coarse());
+    const std::uint32_t before = state_->mesh.alive_wedges();
     state_->mesh.collapse(a, b, around_, left_, right_, moves_, state_->error_m);
     state_->poses.merge(a, b);
-    --state_->pieces[state_->piece_of[a]].points;
+    Piece& piece = state_->pieces[state_->piece_of[a]];
+    --piece.points;
+    piece.wedges -= before - state_->mesh.alive_wedges();
     asked_ = -1;
   }
 
@@ -161,14 +180,16 @@ class WedgeModule : public OpenMesh::Decimater::ModBaseT<HalfEdgeMesh> {
     const std::uint32_t a = index(info.v0), b = index(info.v1);
     const Phase& phase = kPhases[state_->phase];
     const PoseCost::Cost position = state_->poses.move_cost(a, b);
-    float cost = total(position) + state_->poses.area_m2(a) * state_->attributes.joint_cost(a, b);
+    const float share = vertex_share(state_->mesh.alive_wedges(a), state_->is_coarse());
+    float cost =
+        share * (total(position) + state_->poses.area_m2(a) * state_->attributes.joint_cost(a, b));
     if (cost >= best_) return Base::ILLEGAL_COLLAPSE;
     look_around(info);
     for (const std::uint32_t triangle : around_) {
       if (triangle == left_ || triangle == right_) continue;
       const WedgeMove* move = move_of(triangle, a);
       if (move == nullptr || move->to == kNoIndex) return Base::ILLEGAL_COLLAPSE;
-      cost += state_->attributes.triangle_cost(triangle, a, b, *move);
+      cost += share * state_->attributes.triangle_cost(triangle, a, b, *move);
       if (!phase.may_mirror && move->is_exact && state_->attributes.mirrors(triangle, a, *move)) {
         return Base::ILLEGAL_COLLAPSE;
       }
@@ -191,8 +212,9 @@ class WedgeModule : public OpenMesh::Decimater::ModBaseT<HalfEdgeMesh> {
       if (!move.is_exact || (is_companioned && move.is_ambiguous)) return Base::ILLEGAL_COLLAPSE;
     }
     // "by considering face normals we can avoid mesh inversion": in the bind pose
-    return breaks_any(a, b, {0.0F, 0.0F, true, true}) ? static_cast<float>(Base::ILLEGAL_COLLAPSE)
-                                                      : cost;
+    return breaks_any(a, b, {0.0F, 0.0F, true, true, 0})
+               ? static_cast<float>(Base::ILLEGAL_COLLAPSE)
+               : cost;
   }
 
   State* state_ = nullptr;
@@ -212,10 +234,17 @@ std::uint32_t cheapest_piece(const State& state, std::uint32_t most_points) {
     if (piece.is_gone) continue;
     ++alive;
     if (piece.points > most_points) continue;
-    if (cheapest == kNoIndex || piece.removal_cost < state.pieces[cheapest].removal_cost)
+    if (cheapest == kNoIndex || piece.removal_cost(state.is_coarse()) <
+                                    state.pieces[cheapest].removal_cost(state.is_coarse()))
       cheapest = i;
   }
   return alive > 1 ? cheapest : kNoIndex;
+}
+
+/// At coarse levels a strict test would only drive the order to collapses that are seen more.
+bool is_phase_over(const State& state) {
+  return state.phase + 1 < kPhaseCount &&
+         state.mesh.alive_wedges() <= kPhases[state.phase + 1].begin_count;
 }
 
 constexpr std::uint32_t kSmallPiece = 12;  // points at which a piece may vanish
@@ -244,9 +273,11 @@ class Watcher : public OpenMesh::Decimater::Observer {
   bool abort() const override {
     if (state_.options.criterion == Criterion::kPeng2011) return false;
     if (state_.mesh.alive_wedges() <= state_.options.coarsest_count) return true;
+    if (is_phase_over(state_)) return true;
     if (run_steps_ <= least_steps_) return false;
     const std::uint32_t piece = cheapest_piece(state_, kSmallPiece);
-    return piece != kNoIndex && state_.pieces[piece].removal_cost < state_.last_cost;
+    return piece != kNoIndex &&
+           state_.pieces[piece].removal_cost(state_.is_coarse()) < state_.last_cost;
   }
 
  private:
@@ -280,21 +311,41 @@ void find_pieces(const WedgeMesh& mesh, State& state) {
     }
     state.piece_of[p] = piece;
     ++state.pieces[piece].points;
+    state.pieces[piece].wedges += mesh.initial_wedges(p);
     low[piece] = glm::min(low[piece], points[p].position);
     high[piece] = glm::max(high[piece], points[p].position);
   }
-  std::vector<float> area_m2(state.pieces.size(), 0.0F);
   for (std::uint32_t t = 0; t < triangles; ++t) {
     const std::uint32_t piece = state.piece_of[mesh.points(t)[0]];
     state.pieces[piece].triangles.push_back(t);
-    area_m2[piece] += state.poses.initial_area_m2(t);
+    state.pieces[piece].area_m2 += state.poses.initial_area_m2(t);
   }
-  for (std::size_t i = 0; i < state.pieces.size(); ++i) {
-    // its middle extent is what is missed of it: a strap is seen by its width, not its length
+  for (std::size_t i = 0; i < state.pieces.size() && state.pieces.size() > 1; ++i) {
+    Piece& piece = state.pieces[i];
+    // How far behind it the others are: an eye bares the head, a leg the background. At least a
+    // part of its middle extent, for a strap is seen by its width and not by its length.
+    double squares = 0.0;
+    std::size_t count = 0;
+    const std::size_t own_step = std::max<std::size_t>(1, piece.triangles.size() / 24);
+    const std::size_t other_step = std::max<std::size_t>(1, triangles / 3000);
+    for (std::size_t k = 0; k < piece.triangles.size(); k += own_step, ++count) {
+      const glm::vec3& from = points[mesh.points(piece.triangles[k])[0]].position;
+      float least = std::numeric_limits<float>::max();
+      for (std::uint32_t t = 0; t < triangles; t += static_cast<std::uint32_t>(other_step)) {
+        const std::uint32_t other = mesh.points(t)[0];
+        // a larger one only: what lies over a piece may go before it
+        if (!(state.pieces[state.piece_of[other]].area_m2 > piece.area_m2)) continue;
+        const glm::vec3 away = points[other].position - from;
+        least = std::min(least, glm::dot(away, away));
+      }
+      squares += least;
+    }
     glm::vec3 extent = high[i] - low[i];
     std::sort(&extent.x, &extent.x + 3);
-    state.pieces[i].size_m = extent.y;
-    state.pieces[i].removal_cost = area_m2[i] * 0.25F * extent.y * extent.y;
+    const auto rms_m = static_cast<float>(
+        std::sqrt(squares / static_cast<double>(std::max<std::size_t>(1, count))));
+    // never farther than it is long, where the others were hit by no sample
+    piece.distance_m = std::max(0.25F * extent.y, std::min(rms_m, extent.z));
   }
 }
 
@@ -324,7 +375,7 @@ void remove_piece(std::uint32_t index, State& state, HalfEdgeMesh& half_edges) {
   for (const std::uint32_t triangle : piece.triangles) {
     if (state.mesh.is_alive(triangle)) alive.push_back(triangle);
   }
-  state.error_m = std::max(state.error_m, 0.5F * piece.size_m);
+  state.error_m = std::max(state.error_m, piece.distance_m);
   state.mesh.remove(alive, nearest_other_wedge(state, index), state.error_m);
   for (const std::uint32_t triangle : alive) {
     half_edges.delete_face(HalfEdgeMesh::FaceHandle(static_cast<int>(triangle)), true);
@@ -392,12 +443,16 @@ absl::Status decimate(const PoseSet& poses, const CollapseOptions& options, Wedg
     // pieces that cost no more than the last collapse; all of them, because a run is not for free
     bool is_removed = false;
     for (std::uint32_t piece; (piece = cheapest_piece(state, kSmallPiece)) != kNoIndex;) {
-      if (state.pieces[piece].removal_cost >= state.last_cost) break;
+      if (state.pieces[piece].removal_cost(state.is_coarse()) >= state.last_cost) break;
       remove_piece(piece, state, half_edges);
       is_removed = true;
       if (mesh.alive_wedges() <= options.coarsest_count) break;
     }
     if (mesh.alive_wedges() <= options.coarsest_count) break;
+    if (is_phase_over(state)) {
+      ++state.phase;
+      continue;
+    }
     if (is_removed || !is_stuck) continue;
     if (state.phase + 1 < kPhaseCount) {
       ++state.phase;

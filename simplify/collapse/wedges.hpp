@@ -48,6 +48,10 @@ class WedgeMesh {
   const glm::uvec3& wedges(std::uint32_t triangle) const { return wedges_[triangle]; }
   bool is_alive(std::uint32_t triangle) const { return death_[triangle] == kNoIndex; }
   std::uint32_t alive_wedges() const { return alive_wedges_; }
+  /// Of one point.
+  std::uint32_t alive_wedges(std::uint32_t point) const {
+    return static_cast<std::uint32_t>(point_wedges_[point].size());
+  }
   std::uint32_t initial_wedges(std::uint32_t point) const { return initial_wedges_[point]; }
   const std::vector<Step>& steps() const { return steps_; }
   const std::vector<Removal>& removals() const { return removals_; }
