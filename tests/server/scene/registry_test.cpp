@@ -1,0 +1,172 @@
+#include "server/scene/registry.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <utility>
+
+namespace throng::server {
+namespace {
+
+using testing::HasSubstr;
+
+std::shared_ptr<const render::Cast> tiny_cast() {
+  auto cast = std::make_shared<render::Cast>();
+  cast->members.resize(1);
+  return cast;
+}
+
+StartRequest start_of(std::string crowd, std::string run) {
+  StartRequest request;
+  request.crowd_name = std::move(crowd);
+  request.run_id = std::move(run);
+  request.producer = "test";
+  return request;
+}
+
+render::AgentFrame frame_of(std::int64_t time_us, std::vector<glm::vec3> positions) {
+  auto membership = std::make_shared<render::Membership>();
+  membership->epoch = 1;
+  for (std::size_t i = 0; i < positions.size(); ++i) membership->ids.push_back(i + 1);
+  render::AgentFrame frame;
+  frame.time_us = time_us;
+  frame.membership = std::move(membership);
+  frame.position_m = std::move(positions);
+  return frame;
+}
+
+class RegistryTest : public testing::Test {
+ protected:
+  std::unique_ptr<Publication> open(StartRequest request, std::function<void()> revoked = [] {}) {
+    auto publication = registry.start(std::move(request), std::move(revoked));
+    EXPECT_TRUE(publication.ok()) << publication.status();
+    return publication.ok() ? *std::move(publication) : nullptr;
+  }
+
+  Limits limits = [] {
+    Limits few;
+    few.max_crowds = 2;
+    few.max_channels = 2;
+    return few;
+  }();
+  Clock::time_point now{std::chrono::hours(1)};
+  Registry registry{tiny_cast(), limits, {}, [this] { return now; }};
+};
+
+TEST_F(RegistryTest, RefusesNamesThatCouldNotBeAFile) {
+  for (const std::string& name : {std::string(), std::string("a/b"), std::string("a b"),
+                                  std::string("\xff"), std::string(101, 'a')}) {
+    const auto publication = registry.start(start_of(name, "r"), [] {});
+    EXPECT_EQ(publication.status().code(), absl::StatusCode::kInvalidArgument) << name;
+    EXPECT_THAT(std::string(publication.status().message()), HasSubstr("crowd_name"));
+  }
+  EXPECT_NE(open(start_of(std::string(100, 'a'), "r")), nullptr);
+}
+
+TEST_F(RegistryTest, RefusesOneCrowdTooMany) {
+  const auto a = open(start_of("a", "r"));
+  const auto b = open(start_of("b", "r"));
+  EXPECT_EQ(registry.start(start_of("c", "r"), [] {}).status().code(),
+            absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(registry.list().size(), 2U);
+}
+
+TEST_F(RegistryTest, RefusesChannelsThatAreTooManyOrTwice) {
+  StartRequest request = start_of("a", "r");
+  request.channels = {{"speed", "m/s"}, {"speed", ""}};
+  EXPECT_EQ(registry.start(request, [] {}).status().code(), absl::StatusCode::kInvalidArgument);
+  request.channels = {{"a", ""}, {"b", ""}, {"c", ""}};
+  EXPECT_EQ(registry.start(request, [] {}).status().code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_TRUE(registry.list().empty());
+}
+
+TEST_F(RegistryTest, RefusesOriginAndRateThatAreNoNumbers) {
+  StartRequest request = start_of("a", "r");
+  request.origin_world.y = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(registry.start(request, [] {}).status().code(), absl::StatusCode::kInvalidArgument);
+  request = start_of("a", "r");
+  request.expected_rate_hz = -1.0;
+  EXPECT_EQ(registry.start(request, [] {}).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+TEST_F(RegistryTest, OneProducerAtATimeUnlessTakenOver) {
+  bool revoked = false;
+  const auto first = open(start_of("a", "one"), [&] { revoked = true; });
+  EXPECT_EQ(registry.start(start_of("a", "two"), [] {}).status().code(),
+            absl::StatusCode::kAlreadyExists);
+  EXPECT_FALSE(revoked);
+  StartRequest second = start_of("a", "two");
+  second.take_over = true;
+  const auto taken = open(second);
+  EXPECT_TRUE(revoked);
+  EXPECT_EQ(first->push(frame_of(0, {{0, 0, 0}})).status().code(), absl::StatusCode::kAborted);
+  EXPECT_TRUE(taken->push(frame_of(0, {{0, 0, 0}})).ok());
+}
+
+TEST_F(RegistryTest, SameRunContinuesTheHistoryAndEndsItsStaleStream) {
+  bool revoked = false;
+  const auto stale = open(start_of("a", "run"), [&] { revoked = true; });
+  ASSERT_TRUE(stale->push(frame_of(0, {{0, 0, 0}})).ok());
+  const auto again = open(start_of("a", "run"));
+  EXPECT_TRUE(revoked);
+  ASSERT_TRUE(again->push(frame_of(100'000, {{1, 0, 0}})).ok());
+  EXPECT_EQ(registry.list().at(0).frames, 2U);
+  EXPECT_EQ(registry.list().at(0).oldest_time_us, 0);
+  // and another seed would change who everybody is
+  StartRequest other = start_of("a", "run");
+  other.seed = 7;
+  EXPECT_EQ(registry.start(other, [] {}).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+TEST_F(RegistryTest, NewRunForgetsTheHistory) {
+  {
+    const auto first = open(start_of("a", "one"));
+    ASSERT_TRUE(first->push(frame_of(5'000'000, {{0, 0, 0}})).ok());
+  }
+  const auto second = open(start_of("a", "two"));
+  EXPECT_EQ(registry.list().at(0).frames, 0U);
+  EXPECT_EQ(*second->push(frame_of(1, {{0, 0, 0}})), PushOutcome::kApplied);
+}
+
+TEST_F(RegistryTest, LateFramesAreCountedAndDropped) {
+  const auto producer = open(start_of("a", "r"));
+  EXPECT_EQ(*producer->push(frame_of(100, {{0, 0, 0}})), PushOutcome::kApplied);
+  EXPECT_EQ(*producer->push(frame_of(100, {{0, 0, 0}})), PushOutcome::kLate);
+  EXPECT_EQ(*producer->push(frame_of(50, {{0, 0, 0}})), PushOutcome::kLate);
+  EXPECT_EQ(registry.list().at(0).late_frames, 2U);
+}
+
+TEST_F(RegistryTest, LiveWhileAProducerHoldsIt) {
+  auto producer = open(start_of("a", "r"));
+  EXPECT_TRUE(registry.list().at(0).live);
+  EXPECT_EQ(registry.remove("a").code(), absl::StatusCode::kFailedPrecondition);
+  producer.reset();
+  EXPECT_FALSE(registry.list().at(0).live);
+  const auto crowd = *registry.find("a");
+  EXPECT_TRUE(registry.remove("a").ok());
+  EXPECT_TRUE(crowd->deleted());
+  EXPECT_EQ(registry.find("a").status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(registry.remove("a").code(), absl::StatusCode::kNotFound);
+}
+
+TEST_F(RegistryTest, OverviewFitsTheCrowdAroundItsOrigin) {
+  StartRequest request = start_of("a", "r");
+  request.origin_world = {1'000'000.0, 0.0, 0.0};
+  const auto producer = open(request);
+  ASSERT_TRUE(producer->push(frame_of(0, {{0, 0, 0}, {20, 10, 0}})).ok());
+  const Moment moment = (*registry.find("a"))->moment(now);
+  EXPECT_NEAR(moment.overview.low.x, 999'999.0, 1e-6);
+  EXPECT_NEAR(moment.overview.high.x, 1'000'021.0, 1e-6);
+  EXPECT_TRUE(moment.live);
+}
+
+TEST_F(RegistryTest, RefusesAWalkableAreaThatIsTooLong) {
+  const auto producer = open(start_of("a", "r"));
+  EXPECT_TRUE(producer->set_walkable_area("POLYGON ((0 0, 1 0, 1 1, 0 0))").ok());
+  EXPECT_EQ(producer->set_walkable_area(std::string(limits.max_environment_bytes + 1, ' ')).code(),
+            absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(registry.list().at(0).walkable_area_wkt, "POLYGON ((0 0, 1 0, 1 1, 0 0))");
+}
+
+}  // namespace
+}  // namespace throng::server

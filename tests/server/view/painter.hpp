@@ -1,0 +1,80 @@
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+
+#include "server/view/frame_renderer.hpp"
+
+namespace throng::test {
+
+/// What a painter does and did; shared with the test.
+struct PainterLog {
+  std::atomic<int> rendered{0};
+  std::atomic<bool> fails{false};
+  std::mutex mutex;
+  std::condition_variable changed;
+  bool held = false;  // while set, render does not return
+
+  void hold(bool on) {
+    {
+      const std::lock_guard lock(mutex);
+      held = on;
+    }
+    changed.notify_all();
+  }
+};
+
+/// Draws without GL: the whole picture has the colour of the camera's eye, (x, y, z) as r g b.
+class Painter final : public server::FrameRenderer {
+ public:
+  explicit Painter(std::shared_ptr<PainterLog> log) : log_(std::move(log)) {}
+
+  absl::Status render(const render::Crowd& crowd, std::int64_t scene_time_us,
+                      const render::ViewSettings& settings, render::Picture& picture,
+                      render::FrameStats& stats) override {
+    {
+      std::unique_lock lock(log_->mutex);
+      log_->changed.wait(lock, [this] { return !log_->held; });
+    }
+    ++log_->rendered;
+    if (log_->fails.load()) return absl::InternalError("the painter is out of paint");
+    picture.width_px = settings.viewport.width_px;
+    picture.height_px = settings.viewport.height_px;
+    picture.rgbx.resize(std::size_t{4} * picture.width_px * picture.height_px);
+    for (std::size_t i = 0; i < picture.rgbx.size(); ++i) {
+      const std::size_t channel = i % 4;
+      const double value =
+          channel < 3 ? settings.camera.eye_world[static_cast<int>(channel)] : 255.0;
+      picture.rgbx[i] = static_cast<std::uint8_t>(std::clamp(value, 0.0, 255.0));
+    }
+    stats = render::FrameStats();
+    stats.scene_time_us = scene_time_us;
+    if (const auto newest = crowd.newest()) stats.counters.agents = newest->present_count;
+    return absl::OkStatus();
+  }
+  std::string compute_name() const override { return "none"; }
+  std::string raster_name() const override { return "painter"; }
+
+ private:
+  std::shared_ptr<PainterLog> log_;
+};
+
+inline server::MakeRenderer painter(std::shared_ptr<PainterLog> log) {
+  return [log]() -> absl::StatusOr<std::unique_ptr<server::FrameRenderer>> {
+    return std::make_unique<Painter>(log);
+  };
+}
+
+/// A cast of one character without any geometry.
+inline std::shared_ptr<const render::Cast> nobody_cast() {
+  auto cast = std::make_shared<render::Cast>();
+  cast->members.resize(1);
+  cast->members[0].character.name = "nobody";
+  return cast;
+}
+
+}  // namespace throng::test

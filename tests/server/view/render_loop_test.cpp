@@ -1,0 +1,234 @@
+#include "server/view/render_loop.hpp"
+
+#include <gtest/gtest.h>
+
+#include <condition_variable>
+#include <mutex>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "server/view/painter.hpp"
+#include "throng/render/encode.hpp"
+
+namespace throng::server {
+namespace {
+
+constexpr std::chrono::seconds kDeadline{30};
+
+/// A viewer with a connection that takes everything and acknowledges at once, unless it is told not to.
+class Client {
+ public:
+  explicit Client(ViewRequest request, bool acks = true)
+      : viewer(std::make_shared<Viewer>(
+            std::move(request), 3, [] { return Clock::now(); }, [this] { on_frame(); },
+            [this](absl::Status status) {
+              const std::lock_guard lock(mutex);
+              ended = std::move(status);
+              changed.notify_all();
+            })),
+        acks_(acks) {}
+
+  template <typename Condition>
+  bool wait(Condition condition) {
+    std::unique_lock lock(mutex);
+    return changed.wait_for(lock, kDeadline, condition);
+  }
+  bool wait_frames(std::size_t count) {
+    return wait([&] { return frames.size() >= count; });
+  }
+
+  RenderLoop* loop = nullptr;
+  std::mutex mutex;
+  std::condition_variable changed;
+  std::vector<OutgoingFrame> frames;
+  absl::Status ended;
+  std::shared_ptr<Viewer> viewer;
+
+ private:
+  void on_frame() {
+    while (const auto outgoing = viewer->take()) {
+      if (acks_) {
+        EXPECT_TRUE(viewer->ack(outgoing->frame_index).ok());
+      }
+      const std::lock_guard lock(mutex);
+      frames.push_back(*outgoing);
+      changed.notify_all();
+    }
+    if (acks_ && loop != nullptr) loop->wake();
+  }
+  bool acks_;
+};
+
+class RenderLoopTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    StartRequest start;
+    start.crowd_name = "crowd";
+    publication_ = *registry_.start(std::move(start), [] {});
+    crowd_ = *registry_.find("crowd");
+    auto made = RenderLoop::start(test::painter(log_), {});
+    ASSERT_TRUE(made.ok()) << made.status();
+    loop_ = *std::move(made);
+  }
+
+  ViewRequest request_of(double red) const {
+    ViewRequest request;
+    request.crowd = crowd_;
+    request.camera.emplace();
+    request.camera->eye_world = {red, 50.0, 50.0};
+    request.viewport = {32, 16};
+    request.max_rate_hz = 200.0;
+    return request;
+  }
+
+  void push(std::int64_t time_us) {
+    auto membership = std::make_shared<render::Membership>();
+    membership->epoch = 1;
+    membership->ids = {1};
+    render::AgentFrame frame;
+    frame.time_us = time_us;
+    frame.membership = membership;
+    frame.position_m = {{0, 0, 0}};
+    ASSERT_TRUE(publication_->push(std::move(frame)).ok());
+  }
+
+  std::shared_ptr<test::PainterLog> log_ = std::make_shared<test::PainterLog>();
+  Registry registry_{test::nobody_cast(), Limits()};
+  std::unique_ptr<Publication> publication_;
+  std::shared_ptr<NamedCrowd> crowd_;
+  std::unique_ptr<RenderLoop> loop_;
+};
+
+TEST_F(RenderLoopTest, SaysWhyThereIsNoRenderer) {
+  const auto loop = RenderLoop::start(
+      []() -> absl::StatusOr<std::unique_ptr<FrameRenderer>> {
+        return absl::UnavailableError("no EGL here");
+      },
+      {});
+  EXPECT_EQ(loop.status(), absl::UnavailableError("no EGL here"));
+}
+
+TEST_F(RenderLoopTest, ShowsEachViewerItsOwnCamera) {
+  Client red(request_of(200.0)), dark(request_of(10.0));
+  red.loop = dark.loop = loop_.get();
+  loop_->add(red.viewer);
+  loop_->add(dark.viewer);
+  ASSERT_TRUE(red.wait_frames(2));
+  ASSERT_TRUE(dark.wait_frames(2));
+  loop_.reset();
+  const auto color = [](const Client& client) {
+    const std::string& jpeg = client.frames[0].frame->image;
+    const auto image = render::decode_jpeg(
+        {reinterpret_cast<const std::uint8_t*>(jpeg.data()), jpeg.size()});
+    return image->rgbx.at(0);
+  };
+  EXPECT_NEAR(color(red), 200, 4);
+  EXPECT_NEAR(color(dark), 10, 4);
+}
+
+TEST_F(RenderLoopTest, DrawsAPictureThatDoesNotChangeOnlyOnce) {
+  Client one(request_of(1.0)), other(request_of(1.0));
+  one.loop = other.loop = loop_.get();
+  loop_->add(one.viewer);
+  loop_->add(other.viewer);
+  ASSERT_TRUE(one.wait_frames(10));
+  ASSERT_TRUE(other.wait_frames(10));
+  const RenderLoopCounters counters = loop_->counters();
+  loop_.reset();
+  // Some may be begun before the first one is encoded.
+  EXPECT_LT(counters.rendered_frames, 10U);
+  EXPECT_GT(counters.shared_frames, 9U);
+}
+
+TEST_F(RenderLoopTest, AViewerWithoutCreditsCostsNothing) {
+  Client slow(request_of(1.0), false), fast(request_of(2.0));
+  slow.loop = fast.loop = loop_.get();
+  loop_->add(slow.viewer);
+  loop_->add(fast.viewer);
+  ASSERT_TRUE(slow.wait_frames(3));
+  ASSERT_TRUE(fast.wait_frames(30));
+  EXPECT_EQ(slow.frames.size(), 3U);
+  // It reads again: what it gets is the present, and it is told what it missed.
+  EXPECT_TRUE(slow.viewer->ack(3).ok());
+  loop_->wake();
+  ASSERT_TRUE(slow.wait_frames(4));
+  loop_.reset();
+  EXPECT_GT(slow.frames[3].skipped_frames, 0U);
+  EXPECT_EQ(slow.frames[3].frame_index, 4 + slow.frames[3].skipped_frames);
+}
+
+TEST_F(RenderLoopTest, TellsViewersOfADeletedCrowd) {
+  Client client(request_of(1.0));
+  loop_->add(client.viewer);
+  publication_.reset();
+  ASSERT_TRUE(registry_.remove("crowd").ok());
+  loop_->wake();
+  EXPECT_TRUE(client.wait([&] { return !client.ended.ok(); }));
+  EXPECT_EQ(client.ended.code(), absl::StatusCode::kNotFound);
+  loop_.reset();
+}
+
+TEST_F(RenderLoopTest, AFailedFrameEndsItsViewersAndNobodyElse) {
+  log_->fails = true;
+  Client unlucky(request_of(1.0));
+  loop_->add(unlucky.viewer);
+  ASSERT_TRUE(unlucky.wait([&] { return !unlucky.ended.ok(); }));
+  EXPECT_EQ(unlucky.ended.code(), absl::StatusCode::kInternal);
+  log_->fails = false;
+  Client lucky(request_of(2.0));
+  lucky.loop = loop_.get();
+  loop_->add(lucky.viewer);
+  EXPECT_TRUE(lucky.wait_frames(2));
+  loop_.reset();
+}
+
+TEST_F(RenderLoopTest, PictureAtAGivenTimeAsPng) {
+  push(1'000'000);
+  push(2'000'000);
+  std::mutex mutex;
+  std::condition_variable changed;
+  std::shared_ptr<const EncodedFrame> got;
+  PictureRequest request;
+  request.view = request_of(77.0);
+  request.format = ImageFormat::kPng;
+  request.scene_time_us = 1'500'000;
+  ASSERT_TRUE(loop_->picture(request, [&](auto frame) {
+    ASSERT_TRUE(frame.ok());
+    const std::lock_guard lock(mutex);
+    got = *frame;
+    changed.notify_all();
+  }).ok());
+  std::unique_lock lock(mutex);
+  ASSERT_TRUE(changed.wait_for(lock, kDeadline, [&] { return got != nullptr; }));
+  EXPECT_EQ(got->scene_time_us, 1'500'000);
+  EXPECT_EQ(got->newest_time_us, 2'000'000);
+  const auto image = render::decode_png(
+      {reinterpret_cast<const std::uint8_t*>(got->image.data()), got->image.size()});
+  ASSERT_TRUE(image.ok());
+  EXPECT_EQ(image->rgbx.at(0), 77);
+}
+
+TEST_F(RenderLoopTest, PicturesThatWaitAreBoundedAndAllAnswered) {
+  log_->hold(true);
+  std::atomic<int> answered{0};
+  int accepted = 0, refused = 0;
+  for (int i = 0; i < 40; ++i) {
+    PictureRequest request;
+    request.view = request_of(i);
+    const absl::Status status = loop_->picture(request, [&](auto) { ++answered; });
+    if (status.ok()) {
+      ++accepted;
+    } else {
+      ++refused;
+      EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted);
+    }
+  }
+  EXPECT_GE(refused, 22);
+  log_->hold(false);
+  loop_.reset();
+  EXPECT_EQ(answered.load(), accepted);
+}
+
+}  // namespace
+}  // namespace throng::server
