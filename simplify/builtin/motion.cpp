@@ -54,25 +54,27 @@ struct Gait {
 constexpr float kUnit = 0.845F;
 
 // Fitted to cmu_02_01_walk: stance differs from the capture by less than 7 degrees.
-constexpr Gait kWalk = {1.10F, 1.265F, 0.8895F, 0.015F, 0.284F, 0.291F, 0.095F, 0.444F, 0.582F, 0.178F, 0.602F, 0.040F,
+constexpr Gait kWalk = {1.10F, 1.233F, 0.8890F, 0.016F, 0.269F, 0.275F, 0.135F, 0.423F, 0.580F, 0.294F, 0.607F, 0.040F,
                         {11.76F, 22.70F, 3.81F, -3.30F, -4.58F, -0.47F, 2.26F, -0.25F, -0.22F, -0.21F, 0.0F, 0.25F, 0.22F},
                         {35.86F, 9.14F, -14.17F, -17.72F, -3.86F, -2.12F, 5.49F, -1.79F, -0.16F, -0.63F, 0.39F, 0.16F, 0.47F},
-                        {{0.655F, -56.0F}, {0.76F, -48.0F}, {0.88F, -10.0F}, {0.955F, 9.0F}}};
+                        {{0.655F, -56.0F}, {0.76F, -46.0F}, {0.88F, -6.0F}, {0.955F, 14.0F}}};
 // Fitted to cmu_02_03_run.
-constexpr Gait kRun = {0.733F, 1.95F, 0.876F, 0.020F, 0.447F, 0.150F, 0.089F, 0.175F, 0.360F, 0.020F, 0.884F, 0.080F,
+constexpr Gait kRun = {0.733F, 1.95F, 0.876F, 0.020F, 0.447F, 0.150F, 0.089F, 0.175F, 0.360F, 0.020F, 0.760F, 0.080F,
                        {13.50F, 22.91F, -13.23F, -7.16F, 0.48F, -1.68F, 0.04F, 0.27F, -0.19F, 0.16F, -0.11F, 0.07F, 0.01F},
                        {57.75F, -0.70F, -32.53F, -18.77F, 7.47F, -2.04F, 0.22F, -0.32F, -0.11F, -0.40F, 0.32F, 0.37F, 0.27F},
                        {{0.46F, -75.0F}, {0.62F, -82.0F}, {0.80F, -42.0F}, {0.93F, -6.0F}}};
 
 struct Leg {
   float thigh_m, shin_m;
-  glm::vec2 heel, ball, tip;  // contact points from the ankle, foot flat: forward, up
+  glm::vec2 heel, ball, tip;  // sole, from the ankle, foot flat: forward, up
+  glm::vec2 toe_joint;        // the toes bend here, a little above the sole
 };
 
 struct AnkleState {
   glm::vec2 ankle{0.0F};  // forward of the hip, above the ground
   float pitch_rad = 0.0F; // toes up
   float toe_rad = 0.0F;   // bend of the toes against the foot
+  float roll_m = 0.0F;    // how far the ankle has rolled forward over the resting point
 };
 
 glm::vec2 turned(const glm::vec2& v, float pitch) {
@@ -96,7 +98,9 @@ class LegPlan {
     const float span = 1.0F - gait.toe_off;
     slope_[0] = ((end - before) - (capture(gait.toe_off) - capture(gait.toe_off - kStep))) / kStep * span;
     slope_[1] = ((after - begin) - (capture(kStep) - capture(0.0F))) / kStep * span;
-    for (glm::vec2& s : slope_) s = glm::clamp(s, glm::vec2{-40.0F}, glm::vec2{40.0F});
+    // the foot lands without sliding; it may leave the ground with a small jerk of the knee
+    slope_[0] = glm::clamp(slope_[0], glm::vec2{-12.0F}, glm::vec2{12.0F});
+    slope_[1] = glm::clamp(slope_[1], glm::vec2{-60.0F}, glm::vec2{60.0F});
   }
 
   float stride_m() const { return gait_.stride_m * scale_; }
@@ -120,13 +124,15 @@ class LegPlan {
                           hip_height(phase) - std::cos(hip) * leg_.thigh_m - std::cos(hip - knee) * leg_.shin_m};
     out.pitch_rad = swing_pitch(phase);
     const AnkleState end = stance(gait_.toe_off);
-    out.toe_rad = end.toe_rad * (1.0F - smooth_step(0.0F, 0.35F, s));
+    out.toe_rad = end.toe_rad * (1.0F - smooth_step(0.0F, 0.55F, s));
+    out.roll_m = glm::mix(end.roll_m, stance(0.0F).roll_m, smooth_step(0.0F, 1.0F, s));
     // the foot clears the ground
-    float lowest = 1.0F;
-    for (const glm::vec2& point : {leg_.heel, leg_.ball, leg_.tip}) {
-      lowest = std::min(lowest, out.ankle.y + turned(point, out.pitch_rad).y);
+    float lowest = out.ankle.y + turned(leg_.heel, out.pitch_rad).y;
+    for (const glm::vec2& point : {leg_.ball, leg_.tip}) {
+      lowest = std::min(lowest, out.ankle.y + turned(leg_.toe_joint, out.pitch_rad).y +
+                                    turned(point - leg_.toe_joint, out.pitch_rad + out.toe_rad).y);
     }
-    const float clearance = 0.016F * std::sin(kPi * std::pow(s, 0.8F));
+    const float clearance = 0.012F * std::sin(kPi * std::pow(s, 0.8F));
     if (lowest < clearance) out.ankle.y += clearance - lowest;
     return out;
   }
@@ -139,8 +145,10 @@ class LegPlan {
     out.pitch_rad = gait_.strike_rad * (1.0F - smooth_step(0.0F, gait_.flat, phase)) -
                     gait_.toe_rad * std::pow(std::clamp((phase - gait_.heel_off) / (gait_.toe_off - gait_.heel_off), 0.0F, 1.0F), 1.8F);
     const float x = (gait_.reach_m - gait_.stride_m * phase) * scale_;
-    const glm::vec2 pivot = out.pitch_rad >= 0.0F ? leg_.heel : leg_.ball;
-    out.ankle = glm::vec2{x + pivot.x, 0.0F} - turned(pivot, out.pitch_rad);
+    const glm::vec2 pivot = out.pitch_rad >= 0.0F ? leg_.heel : leg_.toe_joint;
+    const glm::vec2 from_pivot = pivot - turned(pivot, out.pitch_rad);
+    out.ankle = glm::vec2{x, -leg_.heel.y} + from_pivot;
+    out.roll_m = from_pivot.x;
     if (out.pitch_rad < 0.0F) out.toe_rad = -out.pitch_rad;
     return out;
   }
@@ -246,6 +254,7 @@ class Animator {
     };
     leg_.heel = sole(-0.072F);
     leg_.ball = glm::vec2{ball.x - ankle.x, -ankle.z};
+    leg_.toe_joint = glm::vec2{ball.x - ankle.x, ball.z - ankle.z};
     leg_.tip = sole(0.195F);
     leg_.tip.y += 0.010F;
   }
@@ -347,8 +356,10 @@ class Animator {
         const glm::vec3 bind = at(foot_[side]);
         // a walker puts the feet nearer to the line of progress than the hips
         const float track = bind.y * (running ? 0.55F : 0.80F);
-        place_leg(pose, side, {state.ankle.x + at(thigh_[side]).x, track, state.ankle.y}, state.pitch_rad, state.toe_rad,
-                  (side == 0 ? 1.0F : -1.0F) * 4.0F);
+        // feet point a little outwards and roll along that line
+        const float toe_out = (side == 0 ? 1.0F : -1.0F) * 4.0F;
+        const float aside = state.roll_m * std::sin(toe_out * kDegree);
+        place_leg(pose, side, {state.ankle.x + at(thigh_[side]).x, track + aside, state.ankle.y}, state.pitch_rad, state.toe_rad, toe_out);
       }
       const float bounce = std::sin(2.0F * angle);
       pose.rotate(joint("hair1"), about_y((running ? 7.0F : 2.5F) * bounce + lean * 0.5F) * about_x(2.0F * std::sin(angle)));
