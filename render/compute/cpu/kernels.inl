@@ -236,9 +236,10 @@ void skin(const CharacterTable& table, const VisibleInstance& instance, std::uin
 
 #endif
 
-void corners(const std::uint32_t* corner, std::size_t count, const std::uint32_t* target,
-             std::uint32_t level_count, std::uint32_t vertex_count, std::uint32_t first_vertex,
-             std::uint32_t* scratch, std::uint32_t* out) {
+void corners(const std::uint32_t* __restrict corner, std::size_t count,
+             const std::uint32_t* __restrict target, std::uint32_t level_count,
+             std::uint32_t vertex_count, std::uint32_t first_vertex,
+             std::uint32_t* __restrict scratch, std::uint32_t* __restrict out) {
   if (level_count == vertex_count) {
     for (std::size_t k = 0; k < count; ++k) out[k] = first_vertex + corner[k];
     return;

@@ -111,14 +111,18 @@ std::uint64_t rate_within(Dealer& dealer, std::uint64_t budget, std::uint64_t fi
       high_sum = dealt.vertices;
       has_high = true;
     }
+    // from what came of it, not from rate * shares: floors and snapping lose half a vertex each
     std::uint64_t next = 0;
-    if (dealt.free_shares > 0 && dealt.fixed < budget) {
-      next = rate_of(budget - dealt.fixed, dealt.free_shares);
-      // snapping loses a little of what is dealt: ask for as much more
-      if (dealt.vertices <= budget && next <= rate) next = rate + (rate >> 10);
+    if (dealt.vertices <= budget) {
+      const std::uint64_t more = rate_of(budget - dealt.vertices, dealt.free_shares);
+      next = more < high - rate ? rate + more : high;
+    } else {
+      const std::uint64_t less = rate_of(dealt.vertices - budget, dealt.free_shares);
+      next = less < rate ? rate - less : low;
     }
     const bool is_last = round + 1 == kRounds;
-    if (has_high && (next <= low || next >= high || (is_last && low_sum + budget / 64 < budget))) {
+    if (has_high &&
+        (next <= low || next >= high || (is_last && low_sum + budget / 1024 < budget))) {
       const double share =
           static_cast<double>(budget - low_sum) / static_cast<double>(high_sum - low_sum);
       next = low + static_cast<std::uint64_t>(static_cast<double>(high - low) * share);
