@@ -211,7 +211,7 @@ class WedgeModule : public OpenMesh::Decimater::ModBaseT<HalfEdgeMesh> {
     for (const WedgeMove& move : moves_) {
       if (!move.is_exact || (is_companioned && move.is_ambiguous)) return Base::ILLEGAL_COLLAPSE;
     }
-    // "by considering face normals we can avoid mesh inversion": in the bind pose
+    // the paper relies on face normals against inversion; here in the bind pose
     return breaks_any(a, b, {0.0F, 0.0F, true, true, 0})
                ? static_cast<float>(Base::ILLEGAL_COLLAPSE)
                : cost;

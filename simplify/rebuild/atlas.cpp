@@ -64,8 +64,16 @@ glm::u8vec4 apply_factor(const glm::u8vec4& texel, const SourceMaterial& materia
   return result;
 }
 
-glm::u8vec4 solid_color(const SourceMaterial& material) {
-  return apply_factor(glm::u8vec4(255), material);
+void put_texel(SourceImage& image, std::int64_t x, std::int64_t y, const glm::u8vec4& texel) {
+  if (x < 0 || y < 0 || x >= image.width_px || y >= image.height_px) return;
+  std::uint8_t* to =
+      &image.rgba[4 * (static_cast<std::size_t>(y) * image.width_px + static_cast<std::size_t>(x))];
+  for (int i = 0; i < 4; ++i) to[i] = texel[i];
+}
+
+/// The image that a material's cell is laid out with: its texture, else its mask.
+const SourceImage& layout_image(const SourceMaterial& material) {
+  return material.base_color.rgba.empty() ? material.tint_mask : material.base_color;
 }
 
 /// A rectangle of a material's texture and where it goes.
@@ -129,64 +137,56 @@ glm::uvec2 lay_out(std::vector<Cell>& cells, std::uint32_t max_px, std::uint32_t
 }
 
 /// Copies a cell and its gutter, averaging where the cell was scaled down.
+/// @param image  of the cell's material: its texture, or its tint mask where `is_mask`
+/// @param layout_px  size of the image that the cell was laid out with; a mask may have another one
 void copy_cell(const Cell& cell, const SourceImage& image, const SourceMaterial& material,
-               bool is_mask, std::int64_t gutter_px, SourceImage& atlas) {
-  const auto write = [&](std::int64_t x, std::int64_t y, const glm::u8vec4& texel) {
-    const std::int64_t ax = cell.at_px.x + x, ay = cell.at_px.y + y;
-    if (ax < 0 || ay < 0 || ax >= atlas.width_px || ay >= atlas.height_px) return;
-    std::uint8_t* to = &atlas.rgba[4 * (static_cast<std::size_t>(ay) * atlas.width_px +
-                                        static_cast<std::size_t>(ax))];
-    for (int i = 0; i < 4; ++i) to[i] = texel[i];
+               bool is_mask, const glm::dvec2& layout_px, std::int64_t gutter_px,
+               SourceImage& atlas) {
+  const glm::dvec2 ratio = glm::dvec2(image.width_px, image.height_px) / layout_px;
+  const glm::dvec2 step = glm::dvec2(cell.source_size_px) / glm::dvec2(cell.size_px) * ratio;
+  const auto texel_at = [&](std::int64_t x, std::int64_t y) {
+    const glm::u8vec4 texel = wrapped_texel(image, material.wrap_u, material.wrap_v, x, y);
+    return is_mask ? texel : apply_factor(texel, material);
   };
-  const glm::dvec2 step = glm::dvec2(cell.source_size_px) / glm::dvec2(cell.size_px);
-  // the mask of a material may have another size than its texture
-  const glm::dvec2 ratio =
-      is_mask || cell.is_solid ? glm::dvec2(image.width_px, image.height_px) : glm::dvec2(1.0);
   for (std::int64_t y = -gutter_px; y < static_cast<std::int64_t>(cell.size_px.y) + gutter_px;
        ++y) {
     for (std::int64_t x = -gutter_px; x < static_cast<std::int64_t>(cell.size_px.x) + gutter_px;
          ++x) {
-      if (cell.is_solid && !is_mask) {
-        write(x, y, solid_color(material));
-        continue;
-      }
-      glm::dvec2 low = glm::dvec2(cell.source_low_px) + glm::dvec2(x, y) * step;
-      glm::dvec2 high = low + step;
-      if (is_mask) {
-        const glm::dvec2 texture =
-            material.base_color.rgba.empty()
-                ? glm::dvec2(1.0)
-                : glm::dvec2(material.base_color.width_px, material.base_color.height_px);
-        low = low / texture * ratio;
-        high = high / texture * ratio;
-      }
+      const glm::dvec2 low = glm::dvec2(cell.source_low_px) * ratio + glm::dvec2(x, y) * step;
       const glm::i64vec2 first(glm::floor(low + 1.0e-6));
       const glm::i64vec2 last =
-          glm::max(first, glm::i64vec2(glm::ceil(high - 1.0e-6)) - std::int64_t{1});
-      if (first == last) {
-        const glm::u8vec4 texel =
-            wrapped_texel(image, material.wrap_u, material.wrap_v, first.x, first.y);
-        write(x, y, is_mask ? texel : apply_factor(texel, material));
-        continue;
-      }
-      glm::vec4 sum(0.0F);
-      for (std::int64_t sy = first.y; sy <= last.y; ++sy) {
-        for (std::int64_t sx = first.x; sx <= last.x; ++sx) {
-          const glm::u8vec4 texel = wrapped_texel(image, material.wrap_u, material.wrap_v, sx, sy);
-          const glm::u8vec4 colored = is_mask ? texel : apply_factor(texel, material);
-          for (int i = 0; i < 4; ++i) {
-            sum[i] +=
-                is_mask || i == 3 ? static_cast<float>(colored[i]) : linear_from_srgb(colored[i]);
+          glm::max(first, glm::i64vec2(glm::ceil(low + step - 1.0e-6)) - std::int64_t{1});
+      glm::u8vec4 texel = texel_at(first.x, first.y);
+      if (first != last) {
+        glm::vec4 sum(0.0F);
+        for (std::int64_t sy = first.y; sy <= last.y; ++sy) {
+          for (std::int64_t sx = first.x; sx <= last.x; ++sx) {
+            const glm::u8vec4 each = texel_at(sx, sy);
+            for (int i = 0; i < 4; ++i) {
+              sum[i] += is_mask || i == 3 ? static_cast<float>(each[i]) : linear_from_srgb(each[i]);
+            }
           }
         }
+        sum /= static_cast<float>((last.x - first.x + 1) * (last.y - first.y + 1));
+        for (int i = 0; i < 4; ++i) {
+          texel[i] = is_mask || i == 3 ? static_cast<std::uint8_t>(sum[i] + 0.5F)
+                                       : srgb_from_linear(sum[i]);
+        }
       }
-      sum /= static_cast<float>((last.x - first.x + 1) * (last.y - first.y + 1));
-      glm::u8vec4 texel;
-      for (int i = 0; i < 4; ++i) {
-        texel[i] =
-            is_mask || i == 3 ? static_cast<std::uint8_t>(sum[i] + 0.5F) : srgb_from_linear(sum[i]);
-      }
-      write(x, y, texel);
+      put_texel(atlas, cell.at_px.x + x, cell.at_px.y + y, texel);
+    }
+  }
+}
+
+/// Fills a cell and its gutter with the colour of a material without a texture.
+void fill_cell(const Cell& cell, const SourceMaterial& material, std::int64_t gutter_px,
+               SourceImage& atlas) {
+  const glm::u8vec4 color = apply_factor(glm::u8vec4(255), material);
+  for (std::int64_t y = -gutter_px; y < static_cast<std::int64_t>(cell.size_px.y) + gutter_px;
+       ++y) {
+    for (std::int64_t x = -gutter_px; x < static_cast<std::int64_t>(cell.size_px.x) + gutter_px;
+         ++x) {
+      put_texel(atlas, cell.at_px.x + x, cell.at_px.y + y, color);
     }
   }
 }
@@ -248,9 +248,7 @@ Atlas make_atlas(const std::vector<SourceMaterial>& materials,
     cell.uv_low = low[m];
     cell.uv_high = high[m];
     if (!cell.is_solid) {
-      // a mask without a texture is laid out by its own texels
-      const SourceImage& image =
-          material.base_color.rgba.empty() ? material.tint_mask : material.base_color;
+      const SourceImage& image = layout_image(material);
       const glm::vec2 size(image.width_px, image.height_px);
       if (glm::any(glm::greaterThan(high[m] - low[m], glm::vec2(kMaxRepeats)))) {
         notes.push_back(absl::StrCat("material ", material.name, ": texture repeats ",
@@ -295,25 +293,15 @@ Atlas make_atlas(const std::vector<SourceMaterial>& materials,
   for (Cell& cell : cells) {
     const SourceMaterial& material = materials[cell.material];
     cell_of[cell.material] = &cell;
+    const SourceImage& layout = layout_image(material);
+    const glm::dvec2 layout_px(layout.width_px, layout.height_px);
     if (material.base_color.rgba.empty()) {
-      Cell solid = cell;
-      solid.is_solid = true;
-      copy_cell(solid, {}, material, false, gutter_px, atlas.base_color);
+      fill_cell(cell, material, gutter_px, atlas.base_color);
     } else {
-      copy_cell(cell, material.base_color, material, false, gutter_px, atlas.base_color);
+      copy_cell(cell, material.base_color, material, false, layout_px, gutter_px, atlas.base_color);
     }
-    if (material.tint_mask.rgba.empty()) continue;
-    Cell of_mask = cell;
-    if (material.base_color.rgba.empty()) {
-      // copy_cell takes a mask's coordinates in units of the (missing) texture
-      const glm::vec2 size(material.tint_mask.width_px, material.tint_mask.height_px);
-      SourceMaterial sized = material;
-      sized.base_color.width_px = static_cast<std::uint32_t>(size.x);
-      sized.base_color.height_px = static_cast<std::uint32_t>(size.y);
-      sized.base_color.rgba.assign(1, 0);
-      copy_cell(of_mask, material.tint_mask, sized, true, gutter_px, atlas.tint_mask);
-    } else {
-      copy_cell(of_mask, material.tint_mask, material, true, gutter_px, atlas.tint_mask);
+    if (!material.tint_mask.rgba.empty()) {
+      copy_cell(cell, material.tint_mask, material, true, layout_px, gutter_px, atlas.tint_mask);
     }
   }
   if (has_mask && mask_divisor > 1) {
@@ -329,8 +317,7 @@ Atlas make_atlas(const std::vector<SourceMaterial>& materials,
       at_px += 0.5F * glm::vec2(cell.size_px);
     } else {
       const SourceMaterial& material = materials[cell.material];
-      const SourceImage& image =
-          material.base_color.rgba.empty() ? material.tint_mask : material.base_color;
+      const SourceImage& image = layout_image(material);
       const glm::vec2 clamped = glm::clamp(uv[i], cell.uv_low, cell.uv_high);
       const glm::vec2 source_px =
           clamped * glm::vec2(image.width_px, image.height_px) - glm::vec2(cell.source_low_px);

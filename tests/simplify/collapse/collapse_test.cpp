@@ -1,0 +1,202 @@
+#include "simplify/collapse/collapse.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "simplify/bake/bake.hpp"
+#include "simplify/collapse/levels.hpp"
+#include "support/data_dir.hpp"
+#include "support/source_shapes.hpp"
+#include "support/tiny_character.hpp"
+
+namespace throng::simplify {
+namespace {
+
+render::Character baked(const SourceCharacter& source, const BakeOptions& options = {}) {
+  auto result = bake(source, options);
+  EXPECT_TRUE(result.ok()) << result.status();
+  auto character = render::make_character(std::move(result->character));
+  EXPECT_TRUE(character.ok()) << character.status();
+  return *std::move(character);
+}
+
+TEST(CollapseTest, EveryLegalLevelIsWholeAndClosed) {
+  test::TubeOptions tube;
+  tube.bulge = 0.8F;
+  tube.has_elbow = true;
+  for (const SourceCharacter& source :
+       {test::make_tube(tube), test::make_cube(), test::make_tube()}) {
+    const render::Character character = baked(source);
+    for (const std::uint32_t n : test::legal_counts(character)) {
+      test::expect_whole(character, n);
+      test::expect_closed(character, n);
+    }
+    EXPECT_TRUE(check_levels(character).ok());
+  }
+}
+
+TEST(CollapseTest, ReachesTwentyEightVertices) {
+  test::TubeOptions tube;
+  tube.columns = 32;
+  tube.rings = 60;
+  tube.has_elbow = true;
+  const render::Character character = baked(test::make_tube(tube));
+  EXPECT_GT(character.vertex_count(), 1900U);
+  EXPECT_LE(character.coarsest_count, 28U);
+  EXPECT_GE(character.coarsest_count, 8U);
+}
+
+TEST(CollapseTest, FullLevelIsTheSourceMesh) {
+  const SourceCharacter tube = test::make_tube();
+  const render::Character character = baked(tube);
+  EXPECT_EQ(character.triangle_count_at[character.vertex_count()], tube.triangles.size());
+  EXPECT_EQ(character.triangle_count(), tube.triangles.size());
+}
+
+TEST(CollapseTest, ErrorNeverFallsTowardsCoarserLevels) {
+  const render::Character character = baked(test::make_tube());
+  for (std::uint32_t i = 1; i < character.vertex_count(); ++i) {
+    EXPECT_GE(character.collapse_error_m[i - 1], character.collapse_error_m[i]) << i;
+  }
+}
+
+TEST(CollapseTest, SameInputGivesTheSameOrder) {
+  const render::Character a = baked(test::make_tube()), b = baked(test::make_tube());
+  EXPECT_TRUE(
+      std::equal(a.collapse_target.begin(), a.collapse_target.end(), b.collapse_target.begin()));
+  EXPECT_TRUE(std::equal(a.position.begin(), a.position.end(), b.position.begin()));
+}
+
+TEST(CollapseTest, TextureStaysInPlaceAcrossASeam) {
+  // a flat sheet has no shape to lose, so its cut texture can stay exact for a long way down
+  const render::Character character = baked(test::make_cut_sheet(16));
+  for (const std::uint32_t n : test::legal_counts(character)) {
+    if (n < 12) break;
+    for (const glm::uvec3& corner : test::triangles_at(character, n)) {
+      glm::vec2 shift[3];
+      for (int i = 0; i < 3; ++i) {
+        const glm::vec3& p = character.position[corner[i]];
+        shift[i] =
+            glm::vec2(character.uv[corner[i]]) / 65535.0F - 0.4F * glm::vec2(p.y + 0.5F, p.z);
+      }
+      // all three corners lie in one chart, and each where its place says
+      for (const glm::vec2& each : shift) {
+        EXPECT_LT(glm::length(each - shift[0]), 1.0e-4F) << "at " << n;
+      }
+      EXPECT_TRUE(glm::length(shift[0]) < 1.0e-4F || glm::length(shift[0] - 0.5F) < 1.0e-4F)
+          << "at " << n;
+    }
+  }
+}
+
+TEST(CollapseTest, WedgesOfASeamPointGoTogether) {
+  const render::Character character = baked(test::make_cut_sheet(16));
+  // on the cut, a legal level has both copies of a point or none
+  for (const std::uint32_t n : test::legal_counts(character)) {
+    if (n < 12) break;
+    std::map<float, int> copies;
+    for (std::uint32_t i = 0; i < n; ++i) {
+      if (character.position[i].y == 0.0F) ++copies[character.position[i].z];
+    }
+    for (const auto& [z, count] : copies) EXPECT_EQ(count, 2) << "z " << z << " at " << n;
+  }
+}
+
+TEST(CollapseTest, SheetKeepsItsOutline) {
+  const render::Character character = baked(test::make_cut_sheet(16));
+  const std::uint32_t n = character.coarsest_count;
+  float area_m2 = 0.0F;
+  for (const glm::uvec3& corner : test::triangles_at(character, n)) {
+    area_m2 +=
+        0.5F * glm::length(glm::cross(character.position[corner.y] - character.position[corner.x],
+                                      character.position[corner.z] - character.position[corner.x]));
+  }
+  EXPECT_NEAR(area_m2, 1.0F, 1.0e-4F);
+}
+
+TEST(CollapseTest, PosesKeepWhatBends) {
+  test::TubeOptions tube;
+  tube.rings = 41;
+  tube.has_elbow = true;
+  SourceCharacter bending = test::make_tube(tube), stiff = bending;
+  stiff.clips.clear();
+  const auto near_elbow = [](const render::Character& character) {
+    const std::uint32_t n = character.legal_count[120];
+    int count = 0;
+    for (std::uint32_t i = 0; i < n; ++i) {
+      if (std::fabs(character.position[i].z - 0.9F) < 0.25F) ++count;
+    }
+    return count;
+  };
+  EXPECT_GT(near_elbow(baked(bending)), near_elbow(baked(stiff)) + 8);
+}
+
+TEST(CollapseTest, SmallPiecesVanishBeforeTheBodyIsLost) {
+  test::TubeOptions body;
+  body.bulge = 0.8F;
+  SourceCharacter source = test::make_tube(body);
+  // twenty buttons
+  for (int i = 0; i < 20; ++i) {
+    const auto points = static_cast<std::uint32_t>(source.points.size());
+    const auto normals = static_cast<std::uint32_t>(source.normals.size());
+    const auto uvs = static_cast<std::uint32_t>(source.uvs.size());
+    const SourceCharacter cube = test::make_cube();
+    for (SourcePoint point : cube.points) {
+      point.position =
+          point.position * 0.01F + glm::vec3(0.16F, 0, 0.2F + 0.07F * static_cast<float>(i));
+      source.points.push_back(point);
+    }
+    source.normals.insert(source.normals.end(), cube.normals.begin(), cube.normals.end());
+    source.uvs.insert(source.uvs.end(), cube.uvs.begin(), cube.uvs.end());
+    for (SourceTriangle triangle : cube.triangles) {
+      for (SourceCorner& corner : triangle.corner) {
+        corner = {corner.point + points, corner.normal + normals, corner.uv + uvs};
+      }
+      source.triangles.push_back(triangle);
+    }
+  }
+  const render::Character character = baked(source);
+  EXPECT_LE(character.coarsest_count, 28U);
+  for (const std::uint32_t n : test::legal_counts(character)) {
+    test::expect_whole(character, n);
+    test::expect_closed(character, n);
+  }
+  int buttons = 0;
+  const std::uint32_t n = character.legal_count[60];
+  for (std::uint32_t i = 0; i < n; ++i) buttons += character.position[i].x > 0.1555F ? 1 : 0;
+  EXPECT_LT(buttons, 5);
+}
+
+TEST(CollapseTest, RefusesPosesOfAnotherMesh) {
+  const auto surface = rebuild(test::make_cube());
+  ASSERT_TRUE(surface.ok());
+  PoseSet poses{1, std::vector<glm::vec3>(7), {1.0F}};
+  EXPECT_EQ(collapse(*surface, poses).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+TEST(CheckLevelsTest, AcceptsWholeLevels) {
+  EXPECT_TRUE(check_levels(*render::make_character(test::make_tiny_character())).ok());
+}
+
+TEST(CheckLevelsTest, NamesAVertexWithoutATriangle) {
+  render::CharacterData data = test::make_tiny_character();
+  data.position.push_back(data.position.back());
+  data.normal.push_back(data.normal.back());
+  data.uv.push_back(data.uv.back());
+  data.joint_index.push_back(data.joint_index.back());
+  data.joint_weight.push_back(data.joint_weight.back());
+  data.collapse_target.push_back(0);
+  data.collapse_error_m.push_back(0);
+  data.triangle_count_at.push_back(data.triangle_count_at.back());
+  data.legal_count.push_back(39);
+  const auto character = render::make_character(data);
+  ASSERT_TRUE(character.ok()) << character.status();
+  EXPECT_THAT(std::string(check_levels(*character).message()),
+              ::testing::HasSubstr("vertex 38 has no triangle at 39"));
+}
+
+}  // namespace
+}  // namespace throng::simplify
