@@ -141,7 +141,9 @@ absl::StatusOr<Track> read_track(const Document& document, const AnimationSample
   return track;
 }
 
-absl::StatusOr<Keys> read_keys(const Document& document, const Animation& animation) {
+/// @param value_count  grows by what was read, over all animations.
+absl::StatusOr<Keys> read_keys(const Document& document, const Animation& animation,
+                               std::uint64_t& value_count) {
   Keys keys;
   absl::flat_hash_map<std::uint32_t, std::size_t> slot_of;
   bool is_first = true;
@@ -245,9 +247,14 @@ absl::StatusOr<std::vector<Motion>> read_motions(const Document& document,
         absl::StrCat(animations.size(), " nameless animations of different joints are one clip"));
     animations = {joined(document)};
   }
+  if (animations.size() > kMaxClips) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("has ", animations.size(), " animations, the limit is ", kMaxClips));
+  }
   std::vector<Motion> motions;
+  std::uint64_t value_count = 0;
   for (std::size_t i = 0; i < animations.size(); ++i) {
-    absl::StatusOr<Keys> keys = read_keys(document, animations[i]);
+    absl::StatusOr<Keys> keys = read_keys(document, animations[i], value_count);
     if (!keys.ok()) {
       return absl::InvalidArgumentError(
           absl::StrCat("animation ", i, " ", keys.status().message()));

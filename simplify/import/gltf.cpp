@@ -231,12 +231,13 @@ absl::Status sample_clips(const Scene& scene, const std::vector<Motion>& motions
                           double rate_hz, SourceCharacter& character) {
   const std::size_t joints = skeleton.binding.size();
   std::uint64_t total = 0;
+  std::uint64_t evaluated = 0;
   for (std::size_t m = 0; m < motions.size(); ++m) {
     const Timing timing = timing_of(scene, motions[m], kinds[m], rate_hz);
     total += std::uint64_t{timing.frame_count} * joints;
     // the whole hierarchy is evaluated for each frame, so it counts as well
-    if (total > kMaxClipMatrices ||
-        std::uint64_t{timing.frame_count} * scene.order.size() > kMaxClipMatrices * 8) {
+    evaluated += std::uint64_t{timing.frame_count} * scene.order.size();
+    if (total > kMaxClipMatrices || evaluated > kMaxClipMatrices * 4) {
       return absl::InvalidArgumentError(absl::StrCat("clip ", m, " (", motions[m].name, ") makes ",
                                                      total, " joint matrices, the limit is ",
                                                      kMaxClipMatrices));

@@ -356,9 +356,15 @@ absl::StatusOr<MergedMesh> merge_meshes(const Document& document, const Scene& s
     }
   }
   Bindings bindings(document.nodes.size(), 1e-3 * extent_of(*instances, rest_world));
+  std::uint64_t bound_joints = 0;
   std::vector<Placement> placed_skins(document.skins.size());
   for (std::size_t s = 0; s < document.skins.size(); ++s) {
     if (wearer[s] == kNone) continue;
+    bound_joints += document.skins[s].joints.size();
+    if (bound_joints > kMaxBoundJoints) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "skin ", s, " makes ", bound_joints, " bound joints, the limit is ", kMaxBoundJoints));
+    }
     const absl::StatusOr<std::vector<glm::dmat4>> inverse_bind =
         read_inverse_binds(document, document.skins[s]);
     if (!inverse_bind.ok()) {

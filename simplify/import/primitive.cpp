@@ -144,7 +144,10 @@ absl::Status read_attributes(const Source& source, const Primitive& primitive,
   }
   for (const auto& [name, accessor] : primitive.attributes) {
     std::uint32_t set = 0;
-    if (!name.starts_with("TEXCOORD_") || !absl::SimpleAtoi(name.substr(9), &set)) continue;
+    if (!name.starts_with("TEXCOORD_") || !absl::SimpleAtoi(name.substr(9), &set) ||
+        set >= kMaxUvSets) {
+      continue;
+    }
     const absl::StatusOr<Table<float>> table = source.floats(name, false);
     if (!table.ok()) return table.status();
     if (absl::Status rows = check_rows(source, name, table->components, 2, 2, table->count, count);

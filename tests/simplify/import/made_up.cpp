@@ -4,6 +4,7 @@
 
 #include <unistd.h>
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -306,6 +307,70 @@ std::string fault_of(const SourceCharacter& character) {
     }
   }
   return "";
+}
+
+GltfBuilder rich_file() {
+  GltfBuilder b = bending_post();
+  const std::vector<float> uvs(40, 0.25F);
+  std::vector<std::uint8_t> colors(80, 200);
+  colors[5] = 3;
+  const auto number = [](int value) { return std::to_string(value); };
+  const int uv = b.accessor(uvs, "VEC2");
+  const int color = b.accessor(colors, "VEC4", true);
+  const int index_view = b.view({0, 3});
+  const int value_view = b.view(std::vector<std::uint8_t>(24, 62));
+  const int sparse = b.raw_accessor(
+      R"({"bufferView":0,"componentType":5126,"count":20,"type":"VEC3","sparse":{"count":2,"indices":{"bufferView":)" +
+      number(index_view) + R"(,"componentType":5121},"values":{"bufferView":)" +
+      number(value_view) + "}}}");
+  std::string& mesh = b.meshes[0];
+  mesh.replace(mesh.find("\"POSITION\":0"), 12,
+               "\"POSITION\":" + number(sparse) + ",\"TEXCOORD_0\":" + number(uv) +
+                   ",\"COLOR_0\":" + number(color));
+  mesh.replace(mesh.find("\"indices\""), 9, "\"material\":0,\"indices\"");
+  b.materials = {
+      R"({"alphaMode":"BLEND","pbrMetallicRoughness":{"baseColorFactor":[1,0.5,1,1],"baseColorTexture":{"index":0,"extensions":{"KHR_texture_transform":{"offset":[0.1,0.2],"rotation":0.3,"scale":[2,2]}}}}})"};
+  b.textures = {R"({"source":0,"sampler":0})"};
+  b.samplers = {R"({"wrapS":33071})"};
+  b.images = {"{\"bufferView\":" + number(b.view(png(6, 5, {9, 8, 7, 255}, true))) + "}"};
+  b.meshes.push_back("{\"primitives\":[{\"mode\":5," + b.box({0, 0, 0}, {1, 1, 1}) + "}]}");
+  b.nodes[2] = R"({"name":"bend","translation":[0,1,0],"children":[3]})";
+  b.nodes.push_back(R"({"mesh":1,"matrix":[1,0,0,0,0,1,0,0,0,0,1,0,1,2,3,1]})");
+  b.extra = R"(,"scene":0,"scenes":[{"nodes":[0,1]}])";
+  return b;
+}
+
+void mutate(std::vector<std::uint8_t>& bytes, std::size_t json_begin, std::size_t json_end,
+            std::mt19937& random) {
+  const auto pick = [&](std::size_t begin, std::size_t end) {
+    return std::uniform_int_distribution<std::size_t>(begin, end - 1)(random);
+  };
+  const std::size_t changes = 1 + random() % 4;
+  for (std::size_t i = 0; i < changes; ++i) {
+    switch (random() % 5) {
+      case 0:
+        bytes[pick(0, bytes.size())] = static_cast<std::uint8_t>(random());
+        break;
+      case 1:
+        bytes[pick(json_end, bytes.size())] ^= static_cast<std::uint8_t>(1U << random() % 8);
+        break;
+      default: {
+        // digits become other digits, which gives files that are read further before they're
+        // refused
+        const std::size_t at = pick(json_begin, json_end);
+        for (std::size_t k = at; k < json_end; ++k) {
+          if (std::isdigit(bytes[k]) != 0) {
+            bytes[k] = random() % 8 == 0 ? '-' : static_cast<std::uint8_t>('0' + random() % 10);
+            break;
+          }
+        }
+      }
+    }
+  }
+}
+
+std::size_t json_end_of(const std::vector<std::uint8_t>& glb) {
+  return 20 + (std::size_t{glb[12]} | std::size_t{glb[13]} << 8 | std::size_t{glb[14]} << 16);
 }
 
 }  // namespace throng::simplify::test

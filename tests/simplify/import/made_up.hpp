@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <cstring>
 #include <glm/glm.hpp>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -64,6 +65,17 @@ GltfBuilder one_mesh(GltfBuilder builder, const std::string& primitive);
 
 /// A post of eight boxes' height on two joints, skinned, with a clip that bends the upper joint.
 GltfBuilder bending_post();
+
+/// A file with something of everything: skin, clip, picture, sparse rows, colours, a transform, a
+/// strip.
+GltfBuilder rich_file();
+
+/// Damages one to four bytes; digits of the JSON in [json_begin, json_end) more often than others.
+void mutate(std::vector<std::uint8_t>& bytes, std::size_t json_begin, std::size_t json_end,
+            std::mt19937& random);
+
+/// Where the JSON of a .glb ends; it begins at 20.
+std::size_t json_end_of(const std::vector<std::uint8_t>& glb);
 
 /// Encoded pictures of `width` x `height` texels in one colour, or with a transparent left half.
 std::vector<std::uint8_t> png(int width, int height, const glm::u8vec4& color,
