@@ -358,9 +358,9 @@ TrunkKeys trunk_keys(const Figure& figure) {
   // z of front, side, back; x of front and back; half breadth. Below the brow the sections tilt,
   // so that the jaw's underside, the cheeks and the nape are all on the tube.
   static constexpr float kHead[][7] = {
-      {1.527F, 1.566F, 1.580F, 0.052F, -0.070F, 0.0585F, 0.002F},
-      {1.540F, 1.580F, 1.594F, 0.074F, -0.078F, 0.0630F, 0.006F},
-      {1.5485F, 1.590F, 1.607F, 0.0905F, -0.084F, 0.0665F, 0.009F},
+      {1.531F, 1.566F, 1.580F, 0.049F, -0.070F, 0.0580F, 0.002F},
+      {1.5425F, 1.580F, 1.594F, 0.071F, -0.078F, 0.0625F, 0.006F},
+      {1.5490F, 1.589F, 1.607F, 0.0895F, -0.084F, 0.0668F, 0.009F},
       {1.557F, 1.598F, 1.618F, 0.0965F, -0.088F, 0.0690F, 0.010F},
       {1.567F, 1.606F, 1.628F, 0.0975F, -0.091F, 0.0705F, 0.010F},
       {1.5765F, 1.613F, 1.636F, 0.0965F, -0.093F, 0.0715F, 0.009F},
@@ -477,7 +477,11 @@ glm::vec3 dress_head(const Figure& figure, const glm::vec3& p) {
   glm::vec3 direction = p - centre;
   if (direction.z < 0.0F) direction.z *= 0.25F;  // outwards, not down, at the nape
   direction = glm::normalize(direction);
-  float depth = hair * hair_thickness(figure, p);
+  // thin where it begins, full further up
+  const float above = p.z - hair_line(figure, p);
+  const float full = figure.hair == HairStyle::kAfro ? smooth_step(-0.004F, 0.060F, above)
+                                                     : 0.30F + 0.70F * smooth_step(0.0F, 0.030F, above);
+  float depth = hair * full * hair_thickness(figure, p);
   if (figure.hat == HatStyle::kHeadscarf) {
     depth = hat * (0.013F + 0.008F * smooth_step(0.0F, -0.09F, p.x));
   } else if (hat > 0.0F) {
@@ -556,8 +560,11 @@ class Modeller {
       const bool is_head = static_cast<int>(grid_.rings.size()) >= head_row_;
       for (int j = 0; j < columns_; ++j) {
         const glm::vec3 p = section_point(row.section, static_cast<float>(j), columns_);
-        ring.push_back(mesh().add_vertex(
-            p, row.zone == Zone::kSkirt ? Part::kSkirt : is_head ? Part::kHead : Part::kTorso));
+        // a coat swings like a skirt
+        const bool tail = row.zone == Zone::kTrunk && figure_.hem_z < 0.76F && row.section.zs < 0.90F;
+        ring.push_back(mesh().add_vertex(p, row.zone == Zone::kSkirt || tail ? Part::kSkirt
+                                            : is_head                        ? Part::kHead
+                                                                             : Part::kTorso));
       }
       grid_.rings.push_back(ring);
     }
@@ -780,7 +787,9 @@ class Modeller {
       rim.zf += 0.004F;
       rim.zb += 0.006F;
       rim.zs -= 0.006F;
-      rim.ry -= 0.001F;
+      rim.ry += 0.002F;
+      rim.xf += 0.002F;
+      rim.xb -= 0.001F;
       rows.push_back(rim);
     }
     for (std::size_t i = figure_.shoe == ShoeStyle::kBoot ? 0 : 1; i < std::size(kFoot); ++i) {
@@ -796,7 +805,8 @@ class Modeller {
       rows[0].zs -= 0.026F;
     }
     std::vector<int> heel{ring[back_column(half, count)]};
-    Region region = Region::kShoe;
+    // the first strip is the sock above a low shoe
+    Region region = figure_.shoe == ShoeStyle::kBoot ? Region::kShoe : Region::kSock;
     const int back = back_column(half, count);
     std::vector<int> faces;
     for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -816,6 +826,7 @@ class Modeller {
         next.push_back(mesh().add_vertex({p.x, p.y * side, p.z}, part));
       }
       const std::vector<int> made = mesh().bridge(ring, next, region, upper, !flip);
+      region = Region::kShoe;
       for (int j = 0; j < count; ++j) {
         const int from_back = std::min(std::abs(j - back), std::abs(j + 1 - back));
         if (row.zb < 0.02F && i > 0 && rows[i - 1].zb < 0.02F && from_back <= 2) {
@@ -1089,6 +1100,14 @@ class Modeller {
           middle += mesh().vertices[mesh().faces[face].corner[i]].position / (4.0F * static_cast<float>(patch.size()));
         }
       }
+      // the root is narrow at both ends
+      for (const int row : {low, high}) {
+        const Ring& ring = grid_.rings[row];
+        const int front = side > 0.0F ? column : mirror(column, columns_);
+        const int rear = side > 0.0F ? column + 1 : mirror(column + 1, columns_);
+        glm::vec3& p = mesh().vertices[ring[rear]].position;
+        p = glm::mix(p, mesh().vertices[ring[front]].position, 0.62F);
+      }
       constexpr float half = 0.028F;
       mesh().extrude(
           patch,
@@ -1097,8 +1116,8 @@ class Modeller {
             // a shell that opens backwards: its front edge lies on the head, its round rear stands off
             const float rear = smooth_step(0.004F, -0.004F, r.x);
             const float h = std::clamp(r.z / half, -1.0F, 1.0F);
-            const float round = std::sqrt(std::max(0.0F, 1.0F - 0.88F * h * h)) * (1.0F + 0.18F * h);
-            return middle + glm::vec3{glm::mix(0.006F, 0.001F - 0.017F * round, rear) - 0.004F * h,
+            const float round = std::sqrt(std::max(0.0F, 1.0F - 0.97F * h * h)) * (1.0F + 0.18F * h);
+            return middle + glm::vec3{glm::mix(0.006F * (1.0F - h * h), -0.017F * round, rear) - 0.004F * h,
                                       r.y + side * (0.004F + 0.012F * rear * round), r.z * 1.02F + 0.002F};
           },
           Part::kHead, 1, Region::kSkin, kChartHead);
@@ -1205,9 +1224,9 @@ class Modeller {
                  {{-0.162F, 0, 1.585F}, 0.026F, {0.05F, 0, -1}}, {{-0.157F, 0, 1.53F}, 0.020F, {0.05F, 0, -1}},
                  {{-0.156F, 0, 1.49F}, 0.008F, {0, 0, -1}}};
       } else {
-        steps = {{{-0.112F, 0, 1.712F}, 0.026F, {-1, 0, 0.35F}}, {{-0.122F, 0, 1.717F}, 0.038F, {-1, 0, 0.35F}},
-                 {{-0.142F, 0, 1.724F}, 0.042F, {-1, 0, 0.35F}}, {{-0.160F, 0, 1.731F}, 0.030F, {-1, 0, 0.35F}},
-                 {{-0.166F, 0, 1.733F}, 0.012F, {-1, 0, 0.35F}}};
+        steps = {{{-0.108F, 0, 1.712F}, 0.026F, {-1, 0, 0.35F}}, {{-0.117F, 0, 1.715F}, 0.037F, {-1, 0, 0.35F}},
+                 {{-0.131F, 0, 1.720F}, 0.042F, {-1, 0, 0.35F}}, {{-0.146F, 0, 1.725F}, 0.038F, {-1, 0, 0.35F}},
+                 {{-0.157F, 0, 1.729F}, 0.026F, {-1, 0, 0.35F}}, {{-0.162F, 0, 1.731F}, 0.012F, {-1, 0, 0.35F}}};
       }
       glm::vec3 old_centre{0.0F};
       for (const int face : patch) {
@@ -1227,7 +1246,7 @@ class Modeller {
               // the rim becomes a circle; the middle of the patch stays in the middle, a bit ahead
               const bool inner = length < 0.006F || (first && length < 0.004F);
               if (!inner) r *= step.radius / length;
-              return step.centre + glm::vec3{0, 1, 0} * r.x + up * r.y + normal * (inner ? step.radius * 0.25F : 0.0F);
+              return step.centre + glm::vec3{0, 1, 0} * r.x + up * r.y + normal * (inner ? step.radius * 0.12F : 0.0F);
             },
             Part::kHair, level++, Region::kHair, kChartHair);
         old_centre = step.centre;
@@ -1394,8 +1413,7 @@ Landmarks landmarks_of(const Figure& figure) {
   return land;
 }
 
-float hair_cover(const Figure& figure, const glm::vec3& position) {
-  if (figure.hair == HairStyle::kBald || figure.hat == HatStyle::kHeadscarf) return 0.0F;
+float hair_line(const Figure& figure, const glm::vec3& position) {
   // azimuth in degrees from the face, height of the hairline
   static constexpr float kCropped[][2] = {{0, 1.724F},   {25, 1.727F},  {42, 1.719F},  {58, 1.697F},
                                           {70, 1.664F},  {79, 1.640F},  {87, 1.648F},  {100, 1.642F},
@@ -1404,7 +1422,7 @@ float hair_cover(const Figure& figure, const glm::vec3& position) {
                                          {70, 1.664F}, {79, 1.655F}, {88, 1.660F}, {100, 1.640F},
                                          {115, 1.602F}, {140, 1.580F}, {180, 1.574F}};
   static constexpr float kFalling[][2] = {{0, 1.732F},  {10, 1.729F}, {22, 1.716F}, {34, 1.698F},
-                                          {44, 1.676F}, {52, 1.648F}, {58, 1.612F}, {63, 1.560F},
+                                          {43, 1.676F}, {50, 1.645F}, {54, 1.605F}, {59, 1.555F},
                                           {75, 1.530F}, {180, 1.530F}};
   static constexpr float kThin[][2] = {{0, 1.757F},  {25, 1.760F}, {42, 1.746F}, {58, 1.712F},
                                        {70, 1.668F}, {79, 1.642F}, {87, 1.648F}, {100, 1.642F},
@@ -1419,7 +1437,14 @@ float hair_cover(const Figure& figure, const glm::vec3& position) {
     case HairStyle::kReceding: line = look_up(kThin, 1, azimuth); break;
     default: line = look_up(kCropped, 1, azimuth); break;
   }
-  return smooth_step(-0.004F, 0.006F, position.z - line);
+  // an afro hides the ears
+  if (figure.hair == HairStyle::kAfro && azimuth > 72.0F) line = std::min(line, 1.606F);
+  return line;
+}
+
+float hair_cover(const Figure& figure, const glm::vec3& position) {
+  if (figure.hair == HairStyle::kBald || figure.hat == HatStyle::kHeadscarf) return 0.0F;
+  return smooth_step(-0.004F, 0.006F, position.z - hair_line(figure, position));
 }
 
 float hat_cover(const Figure& figure, const glm::vec3& position) {

@@ -58,6 +58,9 @@ struct Body {
 
 Landmarks landmarks_of(const Figure& figure);
 
+/// Height of the hairline in the direction of canonical `position` from the axis of the head.
+float hair_line(const Figure& figure, const glm::vec3& position);
+
 /// How much of the head at canonical `position` is under hair, under the hat or under a headscarf,
 /// in [0, 1]. Shared by the modeller (relief) and the painter (colour), so that both agree.
 float hair_cover(const Figure& figure, const glm::vec3& position);

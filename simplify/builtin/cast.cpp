@@ -327,9 +327,9 @@ std::array<Figure, 14> make_figures() {
     f.hair = HairStyle::kPonytail;
     f.top = TopStyle::kSport;
     f.collar = CollarStyle::kScoop;
-    f.cloth_m = 0.003F;
-    f.drape = 0.05F;
-    f.hem_z = 0.93F;
+    f.cloth_m = 0.006F;
+    f.drape = 0.15F;
+    f.hem_z = 0.90F;
     f.sleeve_m = 0.0F;
     f.bottom = BottomStyle::kLeggings;
     f.trouser_z = 0.20F;
@@ -429,9 +429,9 @@ std::array<Figure, 14> make_figures() {
     f.hem_z = 0.88F;
     f.sleeve_m = 0.525F;
     f.bottom = BottomStyle::kJeans;
-    f.trouser_wide = 0.7F;
-    f.shoe = ShoeStyle::kBoot;
-    f.trouser_z = 0.085F;
+    f.trouser_wide = 0.8F;
+    f.shoe = ShoeStyle::kLeather;
+    
     f.color.skin = {0.40F, 0.27F, 0.20F};
     f.color.hair = {0.11F, 0.085F, 0.07F};
     f.color.lip = {0.42F, 0.24F, 0.23F};

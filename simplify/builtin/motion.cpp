@@ -460,7 +460,7 @@ class Animator {
       for (const Ball& ball : balls) {
         const glm::vec3 p = to_hips * (ball.centre - position[hips]);
         const float h = pivot.z - p.z;
-        if (h < 0.1F * size || h > depth + 0.06F * size) continue;
+        if (h < 0.1F * size || h > depth + 0.12F * size) continue;
         const glm::vec2 flat{p.x, p.y};
         // the nearest point of the ball in this direction
         const float along = glm::dot(flat, glm::vec2{out.x, out.y});
@@ -468,11 +468,11 @@ class Animator {
         // beside the ray the cloth is nearer to the axis, so it has to go further out
         const float near = smooth_step(2.4F, 1.2F, across / ball.radius);
         if (near <= 0.0F) continue;
-        const float bulge = ball.radius + 2.2F * across * across / size;
-        const float distance = (along + bulge + 0.014F) * near - glm::dot(glm::vec2{pivot.x, pivot.y}, glm::vec2{out.x, out.y});
+        const float bulge = ball.radius + 2.8F * across * across / size;
+        const float distance = (along + bulge + 0.018F) * near - glm::dot(glm::vec2{pivot.x, pivot.y}, glm::vec2{out.x, out.y});
         tilt = std::max(tilt, std::atan2(distance, h) - rest);
       }
-      pose.rotate(first + i, glm::angleAxis(std::min(tilt, 0.9F), glm::cross(out, glm::vec3{0, 0, 1})));
+      pose.rotate(first + i, glm::angleAxis(std::min(tilt, 1.1F), glm::cross(out, glm::vec3{0, 0, 1})));
     }
   }
 

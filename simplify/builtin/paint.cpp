@@ -148,7 +148,10 @@ class Painter {
     const bool ear = t.detail == 1;
     if (ear) {
       out.color = glm::mix(skin_tone(t), f_.color.skin * glm::vec3{1.0F, 0.80F, 0.76F}, 0.5F);
-      out.color *= 0.80F + 0.25F * smooth_step(-0.2F, 0.8F, std::abs(t.n.y));
+      out.color *= 0.82F + 0.22F * smooth_step(-0.2F, 0.8F, std::abs(t.n.y));
+      // the hollow of the shell and the fold of its rim
+      out.color *= 1.0F - 0.42F * bell((p.x + 0.003F) / 0.7F, 0.0075F) * bell(p.z - 1.643F, 0.012F);
+      out.color *= 1.0F - 0.18F * band(std::hypot((p.x + 0.006F) / 0.62F, p.z - 1.648F) - 0.017F, 0.0018F, 0.0015F);
       out.tint = {1.0F, 0.0F, 0.0F, 0.0F};
     } else if (f_.hair != HairStyle::kBald) {
       const float azimuth = std::atan2(p.y, p.x + 0.004F);
@@ -184,7 +187,13 @@ class Painter {
     const bool child = f_.age < 0.1F;
     const glm::vec3 blush = skin * glm::vec3{1.06F, 0.83F, 0.80F};
     if (!front) {
-      out.color = beard(t, c, out.tint);
+      c = beard(t, c, out.tint);
+      if (f_.glasses && t.p.x > -0.012F) {
+        const float bar = band(z - 1.665F, 0.0016F, 0.0005F);
+        c = glm::mix(c, glm::vec3{0.10F, 0.09F, 0.09F}, 0.92F * bar);
+        out.tint.r *= 1.0F - bar;
+      }
+      out.color = c;
       return out;
     }
     c = glm::mix(c, blush, (f_.feminine || child ? 0.55F : 0.38F) * bell(y - 0.042F, 0.020F) * bell(z - 1.622F, 0.018F));
@@ -345,7 +354,8 @@ class Painter {
     const glm::vec3 flow = p * 60.0F;
     // a gloss where the head turns to the sky
     const float gloss = f_.hair == HairStyle::kAfro ? 0.0F : bell(t.n.z - 0.55F, 0.22F);
-    glm::vec3 c = f_.color.hair * (0.66F + 0.46F * strand + 0.22F * (lock - 0.5F) + 0.16F * gloss * (0.5F + strand));
+    glm::vec3 c = f_.color.hair * (0.66F + 0.46F * strand + 0.22F * (lock - 0.5F) + 0.16F * gloss * (0.5F + strand)) +
+                  glm::vec3{0.045F, 0.040F, 0.036F} * gloss * (0.4F + strand);
     if (f_.hair == HairStyle::kParted && t.region != Region::kHair) {
       c = glm::mix(c, f_.color.skin * 0.75F, 0.55F * band(p.y - 0.030F, 0.0012F, 0.0010F) * smooth_step(1.74F, 1.755F, p.z) * smooth_step(-0.05F, -0.02F, p.x));
     }
@@ -623,8 +633,8 @@ class Painter {
     }
     if (f_.collar == CollarStyle::kScoop && !arm) {
       // neckline
-      const float depth = front ? 1.452F : 1.494F;
-      const float line = depth + 3.2F * p.y * p.y * (front ? 1.6F : 0.9F);
+      const float ahead = smooth_step(-0.4F, 0.4F, t.n.x);
+      const float line = glm::mix(1.494F, 1.452F, ahead) + glm::mix(2.9F, 5.1F, ahead) * p.y * p.y;
       const float bare = smooth_step(line - 0.0008F, line + 0.0008F, z);
       c *= 1.0F - 0.25F * band(z - line + 0.004F, 0.0014F, 0.001F);
       const Paint skin = body_skin(t);
@@ -663,13 +673,14 @@ class Painter {
     } else if (f_.bag == BagStyle::kMessenger) {
       // from the left shoulder to the right hip, in front and behind
       const float line = 0.085F - (1.46F - z) * 0.46F;
-      if (z > 1.02F) d = (p.y - line) * 0.9F;
+      if (z > 0.94F) d = (p.y - line) * 0.9F;
     } else {
       const float line = -0.110F - 0.02F * (1.45F - z);
       if (z > 1.05F) d = p.y - line;
       half = 0.010F;
     }
-    if (std::abs(d) > half + 0.012F) return false;
+    const bool on_collar = z > 1.45F && std::hypot((p.x + 0.020F) / 0.095F, p.y / 0.088F) < 1.0F;
+    if (std::abs(d) > half + 0.012F || (on_collar && f_.bag == BagStyle::kBackpack)) return false;
     c *= 1.0F - 0.40F * smooth_step(half + 0.010F, half, std::abs(d));
     glm::vec3 s = f_.color.bag * (0.95F + 0.14F * (noise(p * 350.0F) - 0.5F));
     s *= 1.0F - 0.25F * band(std::abs(d) - half * 0.78F, 0.0010F, 0.0008F);
@@ -919,7 +930,12 @@ class Painter {
     const bool leg = t.part == Part::kLegLeft || t.part == Part::kLegRight;
     const bool below = leg || (t.part == Part::kSkirt && f_.bottom == BottomStyle::kSkirt);
     out.color = (below ? f_.color.bottom : f_.color.top) * 0.55F;
-    if (f_.top == TopStyle::kSafetyVest && !below && !is_arm(t)) {
+    const bool collar = !below && !is_arm(t) && t.p.z > 1.45F;
+    if (collar) {
+      const bool shirt = f_.top == TopStyle::kSuit || f_.top == TopStyle::kCoat;
+      out.color = (shirt ? f_.color.under : f_.color.top) * 0.86F;
+      if (!shirt) out.tint.b = 1.0F;
+    } else if (f_.top == TopStyle::kSafetyVest && !below && !is_arm(t)) {
       out.color = f_.color.accent * 0.6F;
     } else if (below && f_.top != TopStyle::kDress) {
       out.tint.a = 1.0F;

@@ -209,7 +209,9 @@ std::vector<Skin> make_skin(const Figure& figure, const Mesh& mesh, const Rig& r
       case Part::kSkirt: {
         Weights spine;
         chain(spine, p.z, {{1.00F, hips}, {1.11F, spine1}, {1.235F, spine2}, {1.38F, spine3}, {1.47F, spine3}, {1.535F, neck}});
-        const float hanging = vertex.part == Part::kSkirt && skirt ? smooth_step(0.985F, 0.90F, p.z) : 0.0F;
+        // what lies over a skirt moves with it; the crotch inside does not
+        const bool cloth = vertex.part == Part::kSkirt || (figure.bottom == BottomStyle::kSkirt && p.z > 0.86F);
+        const float hanging = cloth && skirt ? smooth_step(0.985F, 0.90F, p.z) : 0.0F;
         const float leg = hanging > 0.0F ? 0.0F : 0.8F * smooth_step(0.975F, 0.80F, p.z);
         const float distance = glm::length(glm::vec3{p.x, std::abs(p.y), p.z} - land.shoulder);
         const float arm = 0.45F * smooth_step(0.13F, 0.04F, distance);
