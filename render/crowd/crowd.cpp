@@ -22,9 +22,14 @@ constexpr std::size_t kMostAgents = 1U << 24;
 // Velocity is averaged over about this long, so that the noise of a dense recording turns nobody;
 // samples farther apart than this are taken as they are.
 constexpr float kSmoothingS = 0.3F;
-// An agent slower than this keeps its heading; above the second it follows its motion fully.
-constexpr float kTurnFromMps = 0.1F;
-constexpr float kTurnFullMps = 0.3F;
+// The heading follows the mean motion over this way, so that people who sway in a queue keep facing
+// forward and people who walk turn at once; between the two times.
+constexpr float kWayM = 0.4F;
+constexpr float kWayLeastS = 0.3F;
+constexpr float kWayMostS = 1.5F;
+// Slower than this on the mean keeps the heading; above the second it follows the motion fully.
+constexpr float kTurnFromMps = 0.04F;
+constexpr float kTurnFullMps = 0.15F;
 constexpr float kFastestTurnRadps = 4.5F;
 // A heading that the producer gives may point against the motion: such an agent walks backwards.
 constexpr float kBackwardsCosine = -0.5F;
@@ -207,15 +212,21 @@ std::shared_ptr<const Snapshot> Crowd::Derive::snapshot(Crowd& crowd, const Agen
     result->velocity_mps[slot] = velocity_mps;
     result->speed_mps[slot] = speed_mps;
 
+    const float way_s = std::clamp(kWayM / std::max(speed_mps, 1e-3F), kWayLeastS, kWayMostS);
+    glm::vec2& way_mps = crowd.way_mps_[slot];
+    way_mps = is_first_motion
+                  ? glm::vec2(velocity_mps)
+                  : way_mps + std::min(1.0F, interval_s / way_s) * (glm::vec2(raw_mps) - way_mps);
     float heading_rad = wrapped_rad;
     if (!is_given) {
       // float64: the last bit of atan2 differs between libraries, and rarely survives rounding
       const float motion_rad = static_cast<float>(
-          std::atan2(static_cast<double>(velocity_mps.y), static_cast<double>(velocity_mps.x)));
+          std::atan2(static_cast<double>(way_mps.y), static_cast<double>(way_mps.x)));
+      const float gain = element::smoothstep(
+          kTurnFromMps, kTurnFullMps, std::sqrt(way_mps.x * way_mps.x + way_mps.y * way_mps.y));
       if (is_first_motion && before->heading_rad[slot] != before->heading_rad[slot]) {
-        heading_rad = speed_mps > kTurnFromMps ? motion_rad : heading_before_rad;
+        heading_rad = gain > 0.0F ? motion_rad : heading_before_rad;
       } else {
-        const float gain = element::smoothstep(kTurnFromMps, kTurnFullMps, speed_mps);
         const float most_rad = kFastestTurnRadps * interval_s;
         const float turn_rad = std::clamp(
             gain * element::wrap_angle(motion_rad - heading_before_rad), -most_rad, most_rad);
@@ -340,6 +351,7 @@ void Crowd::reset() {
   slot_of_id_.clear();
   free_slots_.clear();
   moved_.clear();
+  way_mps_.clear();
 }
 
 }  // namespace throng::render

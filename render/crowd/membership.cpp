@@ -96,6 +96,7 @@ absl::Status Crowd::Derive::apply_membership(Crowd& crowd,
       changed->scale.push_back(1.0F);
       changed->seed.push_back(0);
       crowd.moved_.push_back(0);
+      crowd.way_mps_.emplace_back(0.0F);
     }
     const Identity identity = identity_of(ids[c], crowd.settings_.seed);
     changed->id[slot] = ids[c];

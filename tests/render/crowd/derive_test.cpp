@@ -80,6 +80,26 @@ TEST(DeriveTest, StandingAgentDoesNotTurnInTheNoise) {
   }
 }
 
+TEST(DeriveTest, AgentThatSwaysInAQueueFacesForward) {
+  // 5 cm to either side once a second, as heads do, and 15 cm/s forward
+  const auto snapshots = sampled(25.0, 12.0, [](double t) {
+    return glm::vec3(0.15 * t, 0.05 * std::sin(2.0 * std::numbers::pi * t), 0.0);
+  });
+  for (std::size_t i = 75; i < snapshots.size(); ++i) {
+    EXPECT_LT(std::fabs(snapshots[i]->heading_rad[0]), 0.5F) << i;
+  }
+}
+
+TEST(DeriveTest, WalkerRoundACornerTurnsWithinAMetre) {
+  for (const double rate_hz : {2.0, 10.0, 25.0}) {
+    const auto snapshots = sampled(rate_hz, 5.0, [](double t) {
+      return t < 2.0 ? glm::vec3(1.3 * t, 0.0, 0.0) : glm::vec3(2.6, 1.3 * (t - 2.0), 0.0);
+    });
+    const auto after = static_cast<std::size_t>(2.8 * rate_hz + 0.5);
+    EXPECT_GT(snapshots[after]->heading_rad[0], 1.2F) << rate_hz;
+  }
+}
+
 TEST(DeriveTest, AgentThatTurnsRoundDoesNotFlip) {
   const auto snapshots =
       sampled(25.0, 6.0, [](double t) { return glm::vec3(t < 3.0 ? t : 6.0 - t, 0.0, 0.0); });

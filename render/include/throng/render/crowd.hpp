@@ -113,6 +113,7 @@ class Crowd {
   std::unordered_map<std::uint64_t, std::uint32_t> slot_of_id_;
   std::vector<std::uint32_t> free_slots_;
   std::vector<std::uint8_t> moved_;  // by slot: the agent's motion is known (two samples or more)
+  std::vector<glm::vec2> way_mps_;   // by slot: motion without sway, which decides the heading
 };
 
 }  // namespace throng::render
