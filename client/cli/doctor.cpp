@@ -91,7 +91,7 @@ void print_part(const char* part, const nlohmann::json& report) {
 
 int run_doctor(const Common& common, bool ask_server, bool json) {
   const std::string program = find_server();
-  nlohmann::json local;
+  nlohmann::json local = nlohmann::json::object();
   if (!program.empty()) {
     const auto text = output_of(program, {"--doctor", "--json"});
     if (!text.ok()) return report("doctor", text.status());
@@ -114,11 +114,13 @@ int run_doctor(const Common& common, bool ask_server, bool json) {
                 local.value("version", std::string("?")).c_str(), local.value("cores", 0));
     print_part("cast", local.value("cast", nlohmann::json::object()));
     for (const char* group : {"compute", "rasterizer"}) {
-      for (const auto& [name, part] : local.value(group, nlohmann::json::object()).items()) {
-        print_part(absl::StrCat(group, " ", name).c_str(), part);
+      const nlohmann::json parts = local.value(group, nlohmann::json::object());
+      for (const auto& [name, part] : parts.items()) {
+        if (part.is_object()) print_part(absl::StrCat(group, " ", name).c_str(), part);
       }
     }
-    for (const auto& line : local.value("egl", nlohmann::json::array())) {
+    const nlohmann::json egl = local.value("egl", nlohmann::json::array());
+    for (const auto& line : egl) {
       if (line.is_string()) std::printf("  egl: %s\n", line.get<std::string>().c_str());
     }
   }

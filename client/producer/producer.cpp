@@ -165,7 +165,8 @@ bool Producer::State::run_stream() {
       stats.last_error = absl::OkStatus();
       changed.notify_all();
     } else {
-      stream_context.TryCancel();
+      // A call that the server has ended keeps its status only if it is not cancelled now.
+      if (!reader_ended) stream_context.TryCancel();
       writable = false;
     }
   }
@@ -421,7 +422,7 @@ absl::Status Producer::flush(std::chrono::milliseconds timeout) {
   State& state = *state_;
   std::unique_lock lock(state.mutex);
   state.changed.wait_for(lock, timeout, [&state] { return state.idle() || state.stats.ended; });
-  if (state.idle()) return absl::OkStatus();
+  if (state.idle() && !state.stats.ended) return absl::OkStatus();
   if (!state.stats.last_error.ok()) return state.stats.last_error;
   return absl::DeadlineExceededError(absl::StrCat("flush: ", state.queue.size(), " frames wait after ",
                                                   timeout.count(), " ms"));
