@@ -107,23 +107,38 @@ class Preparer {
   float remove_root_motion(std::vector<Affine>& palette, bool loop) const {
     std::size_t frames = palette.size() / joints_;
     if (frames < 2) return 0.0F;
-    glm::vec3 way = body_centre(frame(palette, frames - 1)) - body_centre(frame(palette, 0));
-    way.z = 0.0F;
-    const float least_way_m = 0.06F * height_m_;
-    const bool is_moving = glm::length(way) > least_way_m;
-
-    // is the last frame the first one again, apart from the way?
-    float difference = 0.0F;
-    const auto first = frame(palette, 0), last = frame(palette, frames - 1);
-    for (std::size_t j = 0; j < joints_; ++j) {
-      for (int i = 0; i < 3; ++i) {
-        const glm::vec4 delta =
-            last[j].row[i] - first[j].row[i] - glm::vec4(0, 0, 0, is_moving ? way[i] : 0.0F);
-        difference = std::max(
-            difference, std::max(std::fabs(delta.w) / height_m_, glm::length(glm::vec3(delta))));
-      }
+    std::vector<glm::vec2> centre(frames);
+    for (std::size_t f = 0; f < frames; ++f) centre[f] = glm::vec2(body_centre(frame(palette, f)));
+    const glm::vec3 way(centre.back() - centre.front(), 0.0F);
+    // A clip on the spot comes back by itself: from its last frame to its first is a step like
+    // others.
+    float longest_step_m = 0.0F;
+    for (std::size_t f = 0; f + 1 < frames; ++f) {
+      longest_step_m = std::max(longest_step_m, glm::distance(centre[f], centre[f + 1]));
     }
-    const bool is_repeated = loop && frames > 2 && difference < 0.004F;
+    const bool is_moving = glm::length(way) > std::max(0.06F * height_m_, 3.0F * longest_step_m);
+
+    // The last frame is the first one again if they differ by much less than neighbours do, apart
+    // from the way in both.
+    const auto difference = [&](std::size_t from, std::size_t to, const glm::vec3& moved) {
+      float largest = 0.0F;
+      const auto a = frame(palette, from), b = frame(palette, to);
+      for (std::size_t j = 0; j < joints_; ++j) {
+        for (int i = 0; i < 3; ++i) {
+          const glm::vec4 delta =
+              b[j].row[i] - a[j].row[i] - glm::vec4(0, 0, 0, is_moving ? moved[i] : 0.0F);
+          largest = std::max(
+              largest, std::max(std::fabs(delta.w) / height_m_, glm::length(glm::vec3(delta))));
+        }
+      }
+      return largest;
+    };
+    bool is_repeated = false;
+    if (loop && frames > 2) {
+      const float between = difference(0, frames - 1, way);
+      const float step = difference(frames - 2, frames - 1, way / static_cast<float>(frames - 1));
+      is_repeated = between < 0.02F && between < 0.3F * step;
+    }
     const auto intervals = static_cast<float>(frames - 1);
     if (is_repeated) {
       --frames;

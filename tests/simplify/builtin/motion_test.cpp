@@ -23,9 +23,11 @@ struct Moving {
   std::vector<glm::vec3> position;
   std::vector<simplify::SourceClip> clips;
 
-  explicit Moving(const Figure& figure) : body(make_body(figure)), rig(make_rig(figure, body.mesh)) {
+  explicit Moving(const Figure& figure)
+      : body(make_body(figure)), rig(make_rig(figure, body.mesh)) {
     skin = make_skin(figure, body.mesh, rig);
-    for (const MeshVertex& v : body.mesh.vertices) position.push_back(to_model(figure, v.position, v.part));
+    for (const MeshVertex& v : body.mesh.vertices)
+      position.push_back(to_model(figure, v.position, v.part));
     clips = make_clips(figure, rig);
   }
 
@@ -36,7 +38,8 @@ struct Moving {
       for (int i = 0; i < 4; ++i) {
         const int j = skin[v].joint[i];
         const glm::mat4& m = clip.model_from_joint[frame * rig.joints.size() + j];
-        p += skin[v].weight[i] * glm::vec3(m * glm::vec4(position[v] - rig.joints[j].position, 1.0F));
+        p += skin[v].weight[i] *
+             glm::vec3(m * glm::vec4(position[v] - rig.joints[j].position, 1.0F));
       }
       out.push_back(p);
     }
@@ -56,7 +59,8 @@ class BuiltinMotionTest : public testing::TestWithParam<std::size_t> {
 TEST_P(BuiltinMotionTest, HasIdleWalkAndRunAtThirtyHertz) {
   const Moving m(figure());
   ASSERT_EQ(m.clips.size(), 3U);
-  const render::ClipKind kinds[] = {render::ClipKind::kIdle, render::ClipKind::kWalk, render::ClipKind::kRun};
+  const render::ClipKind kinds[] = {render::ClipKind::kIdle, render::ClipKind::kWalk,
+                                    render::ClipKind::kRun};
   for (int i = 0; i < 3; ++i) {
     EXPECT_EQ(m.clips[i].kind, kinds[i]);
     EXPECT_EQ(m.clips[i].rate_hz, 30.0F);
@@ -92,7 +96,8 @@ TEST_P(BuiltinMotionTest, SoleOfTheStandingFootMovesBackAtTheStrideRate) {
       for (std::size_t v = 0; v < now.size(); ++v) {
         if (now[v].z > 0.0015F || then[v].z > 0.0015F) continue;
         ++touching;
-        ASSERT_NEAR(now[v].x - then[v].x, step_m, 0.005F) << clip.name << " " << frame << " vertex " << v;
+        ASSERT_NEAR(now[v].x - then[v].x, step_m, 0.005F)
+            << clip.name << " " << frame << " vertex " << v;
         ASSERT_NEAR(now[v].y, then[v].y, 0.004F) << clip.name << " " << frame;
       }
     }
@@ -108,11 +113,13 @@ TEST_P(BuiltinMotionTest, LoopsWithoutAJump) {
     const auto jump = [&](std::uint32_t a, std::uint32_t b) {
       float most = 0.0F;
       for (std::size_t j = 0; j < joints; ++j) {
-        most = std::max(most, glm::length(glm::vec3(clip.model_from_joint[a * joints + j][3] - clip.model_from_joint[b * joints + j][3])));
+        most = std::max(most, glm::length(glm::vec3(clip.model_from_joint[a * joints + j][3] -
+                                                    clip.model_from_joint[b * joints + j][3])));
       }
       return most;
     };
-    for (std::uint32_t frame = 1; frame < clip.frame_count; ++frame) usual = std::max(usual, jump(frame - 1, frame));
+    for (std::uint32_t frame = 1; frame < clip.frame_count; ++frame)
+      usual = std::max(usual, jump(frame - 1, frame));
     EXPECT_LE(jump(clip.frame_count - 1, 0), usual * 1.05F + 1e-4F) << clip.name;
     EXPECT_LT(usual, 0.25F) << clip.name;
   }
@@ -136,7 +143,8 @@ struct Acclaim {
   std::vector<std::map<std::string, std::vector<float>>> frames;
 
   static glm::quat euler(const glm::vec3& degrees) {
-    return glm::angleAxis(degrees.z * kDegree, glm::vec3{0, 0, 1}) * glm::angleAxis(degrees.y * kDegree, glm::vec3{0, 1, 0}) *
+    return glm::angleAxis(degrees.z * kDegree, glm::vec3{0, 0, 1}) *
+           glm::angleAxis(degrees.y * kDegree, glm::vec3{0, 1, 0}) *
            glm::angleAxis(degrees.x * kDegree, glm::vec3{1, 0, 0});
   }
 
@@ -184,7 +192,8 @@ struct Acclaim {
     return !frames.empty() && bones.count("lfemur") > 0;
   }
 
-  glm::quat rotation(const std::map<std::string, std::vector<float>>& frame, const std::string& name) const {
+  glm::quat rotation(const std::map<std::string, std::vector<float>>& frame,
+                     const std::string& name) const {
     if (name == "root") {
       const auto& r = frame.at("root");
       return euler({r[3], r[4], r[5]});
@@ -193,7 +202,8 @@ struct Acclaim {
     glm::vec3 angle{0.0F};
     const auto values = frame.find(name);
     if (values != frame.end()) {
-      for (std::size_t i = 0; i < bone.dof.size(); ++i) angle[bone.dof[i][1] - 'x'] = values->second[i];
+      for (std::size_t i = 0; i < bone.dof.size(); ++i)
+        angle[bone.dof[i][1] - 'x'] = values->second[i];
     }
     return rotation(frame, parent.at(name)) * bone.axis * euler(angle) * glm::conjugate(bone.axis);
   }
@@ -214,7 +224,9 @@ Curves curves_of(const std::vector<std::pair<glm::vec3, glm::vec3>>& thigh_and_s
   Curves out;
   for (const auto& [thigh, shin] : thigh_and_shin) {
     out.hip.push_back(std::atan2(thigh.x, -thigh.z) / kDegree);
-    out.knee.push_back(std::acos(std::clamp(glm::dot(glm::normalize(thigh), glm::normalize(shin)), -1.0F, 1.0F)) / kDegree);
+    out.knee.push_back(
+        std::acos(std::clamp(glm::dot(glm::normalize(thigh), glm::normalize(shin)), -1.0F, 1.0F)) /
+        kDegree);
   }
   return out;
 }
@@ -241,10 +253,13 @@ TEST(BuiltinWalkTest, HipAndKneeStayWithinTenDegreesOfACapturedWalk) {
     const char *thigh, *shin;
     float from, to;
   };
-  for (const Cycle& cycle : {Cycle{"lfemur", "ltibia", 133, 264}, {"rfemur", "rtibia", 67, 200}, {"rfemur", "rtibia", 200, 331}}) {
+  for (const Cycle& cycle : {Cycle{"lfemur", "ltibia", 133, 264},
+                             {"rfemur", "rtibia", 67, 200},
+                             {"rfemur", "rtibia", 200, 331}}) {
     std::vector<std::pair<glm::vec3, glm::vec3>> bones;
     for (int i = 0; i < kSamples; ++i) {
-      const auto frame = static_cast<std::size_t>(std::lround(cycle.from + (cycle.to - cycle.from) * static_cast<float>(i) / kSamples));
+      const auto frame = static_cast<std::size_t>(
+          std::lround(cycle.from + (cycle.to - cycle.from) * static_cast<float>(i) / kSamples));
       bones.push_back({capture.along(frame, cycle.thigh), capture.along(frame, cycle.shin)});
     }
     const Curves one = curves_of(bones);
@@ -258,7 +273,8 @@ TEST(BuiltinWalkTest, HipAndKneeStayWithinTenDegreesOfACapturedWalk) {
     const auto& walk = m.clips[1];
     std::vector<std::pair<glm::vec3, glm::vec3>> bones;
     for (std::uint32_t frame = 0; frame < walk.frame_count; ++frame) {
-      const glm::vec3 hip = m.joint(walk, frame, "left_upper_leg"), knee = m.joint(walk, frame, "left_lower_leg"),
+      const glm::vec3 hip = m.joint(walk, frame, "left_upper_leg"),
+                      knee = m.joint(walk, frame, "left_lower_leg"),
                       ankle = m.joint(walk, frame, "left_foot");
       bones.push_back({knee - hip, ankle - knee});
     }
@@ -267,8 +283,10 @@ TEST(BuiltinWalkTest, HipAndKneeStayWithinTenDegreesOfACapturedWalk) {
     for (int shift = 0; shift < 100; ++shift) {
       float most = 0.0F;
       for (int i = 0; i < kSamples; ++i) {
-        const float t = static_cast<float>(i) / kSamples, s = t + static_cast<float>(shift) / 100.0F;
-        most = std::max({most, std::abs(at(ours.hip, t) - at(mean.hip, s)), std::abs(at(ours.knee, t) - at(mean.knee, s))});
+        const float t = static_cast<float>(i) / kSamples,
+                    s = t + static_cast<float>(shift) / 100.0F;
+        most = std::max({most, std::abs(at(ours.hip, t) - at(mean.hip, s)),
+                         std::abs(at(ours.knee, t) - at(mean.knee, s))});
       }
       best = std::min(best, most);
     }
