@@ -25,11 +25,10 @@ float look_up(const float (&table)[Rows][Columns], std::size_t column, float at)
   const float span = table[i + 1][0] - table[i][0];
   const float t = std::clamp((at - table[i][0]) / span, 0.0F, 1.0F);
   const float p1 = table[i][column], p2 = table[i + 1][column];
-  const float m1 = i > 0 ? (p2 - table[i - 1][column]) / (table[i + 1][0] - table[i - 1][0]) * span
-                         : p2 - p1;
-  const float m2 = i + 2 < Rows
-                       ? (table[i + 2][column] - p1) / (table[i + 2][0] - table[i][0]) * span
-                       : p2 - p1;
+  const float m1 =
+      i > 0 ? (p2 - table[i - 1][column]) / (table[i + 1][0] - table[i - 1][0]) * span : p2 - p1;
+  const float m2 =
+      i + 2 < Rows ? (table[i + 2][column] - p1) / (table[i + 2][0] - table[i][0]) * span : p2 - p1;
   const float t2 = t * t, t3 = t2 * t;
   return (2 * t3 - 3 * t2 + 1) * p1 + (t3 - 2 * t2 + t) * m1 + (3 * t2 - 2 * t3) * p2 +
          (t3 - t2) * m2;
@@ -37,11 +36,11 @@ float look_up(const float (&table)[Rows][Columns], std::size_t column, float at)
 
 /// One cross-section: its foremost, side and rearmost point, and how square it is between them.
 struct Section {
-  float xf = 0, zf = 0;         // front
-  float xs = 0, ys = 0, zs = 0; // side
-  float xb = 0, zb = 0;         // back
-  float power = 2.3F;           // 2 is an ellipse
-  float dense = 0.0F;           // 1 gathers columns at the face
+  float xf = 0, zf = 0;          // front
+  float xs = 0, ys = 0, zs = 0;  // side
+  float xb = 0, zb = 0;          // back
+  float power = 2.3F;            // 2 is an ellipse
+  float dense = 0.0F;            // 1 gathers columns at the face
 };
 
 Section mix(const Section& a, const Section& b, float t) {
@@ -78,13 +77,12 @@ struct Key {
 };
 
 // z, half breadth, front, back; a lean adult in the skin
-constexpr float kTrunk[][4] = {
-    {0.30F, 0.150F, 0.100F, -0.110F}, {0.60F, 0.162F, 0.096F, -0.108F},
-    {0.83F, 0.168F, 0.090F, -0.112F}, {0.88F, 0.173F, 0.098F, -0.120F},
-    {0.93F, 0.172F, 0.103F, -0.121F}, {0.98F, 0.163F, 0.103F, -0.109F},
-    {1.04F, 0.151F, 0.100F, -0.092F}, {1.10F, 0.145F, 0.099F, -0.086F},
-    {1.16F, 0.148F, 0.101F, -0.091F}, {1.22F, 0.157F, 0.107F, -0.102F},
-    {1.28F, 0.165F, 0.114F, -0.112F}, {1.345F, 0.166F, 0.114F, -0.117F}};
+constexpr float kTrunk[][4] = {{0.30F, 0.150F, 0.100F, -0.110F}, {0.60F, 0.162F, 0.096F, -0.108F},
+                               {0.83F, 0.168F, 0.090F, -0.112F}, {0.88F, 0.173F, 0.098F, -0.120F},
+                               {0.93F, 0.172F, 0.103F, -0.121F}, {0.98F, 0.163F, 0.103F, -0.109F},
+                               {1.04F, 0.151F, 0.100F, -0.092F}, {1.10F, 0.145F, 0.099F, -0.086F},
+                               {1.16F, 0.148F, 0.101F, -0.091F}, {1.22F, 0.157F, 0.107F, -0.102F},
+                               {1.28F, 0.165F, 0.114F, -0.112F}, {1.345F, 0.166F, 0.114F, -0.117F}};
 
 // along the arm, half height, half depth
 constexpr float kArm[][3] = {{0.00F, 0.062F, 0.066F}, {0.04F, 0.057F, 0.060F},
@@ -154,8 +152,8 @@ bool is_tucked(const Figure& figure) { return figure.hem_z > 1.0F; }
 /// Sections of the trunk from the crotch to the crown, bottom to top.
 struct TrunkKeys {
   std::vector<Key> keys;
-  std::size_t arm_low = 0;    // first of the three keys that the arm grows from
-  std::size_t head_start = 0; // first key of the head chart
+  std::size_t arm_low = 0;     // first of the three keys that the arm grows from
+  std::size_t head_start = 0;  // first key of the head chart
 };
 
 TrunkKeys trunk_keys(const Figure& figure) {
@@ -405,9 +403,9 @@ glm::vec3 shape_face(const Figure& figure, glm::vec3 p) {
   const float y = std::abs(p.y), z = p.z;
   const float child = figure.age < 0.1F ? 0.6F : 1.0F;
   float x = 0.0F;
-  static constexpr float kNose[][2] = {{1.600F, 0.0F},   {1.6070F, 0.008F}, {1.6150F, 0.021F},
+  static constexpr float kNose[][2] = {{1.600F, 0.0F},     {1.6070F, 0.008F}, {1.6150F, 0.021F},
                                        {1.6235F, 0.0225F}, {1.634F, 0.0175F}, {1.646F, 0.0125F},
-                                       {1.658F, 0.0085F}, {1.670F, 0.006F},  {1.682F, 0.002F},
+                                       {1.658F, 0.0085F},  {1.670F, 0.006F},  {1.682F, 0.002F},
                                        {1.690F, 0.0F}};
   const float wide = glm::mix(0.0115F, 0.0075F, smooth_step(1.612F, 1.655F, z));
   const float height = z > 1.60F && z < 1.69F ? look_up(kNose, 1, z) : 0.0F;
@@ -427,7 +425,8 @@ glm::vec3 shape_face(const Figure& figure, glm::vec3 p) {
 glm::vec3 shape_trunk(const Figure& figure, glm::vec3 p) {
   const float y = std::abs(p.y);
   if (p.x > 0.0F) {
-    p.x += figure.bust_m * bell(y - 0.070F, 0.052F) * bell(p.z - 1.285F, p.z < 1.285F ? 0.050F : 0.075F);
+    p.x += figure.bust_m * bell(y - 0.070F, 0.052F) *
+           bell(p.z - 1.285F, p.z < 1.285F ? 0.050F : 0.075F);
     if (!figure.feminine) {
       p.x += 0.006F * bell(y - 0.075F, 0.06F) * bell(p.z - 1.33F, 0.05F);
     }
@@ -449,17 +448,30 @@ float hair_thickness(const Figure& figure, const glm::vec3& p) {
   const bool hat = figure.hat != HatStyle::kNone;
   float depth = 0.0F;
   switch (figure.hair) {
-    case HairStyle::kBald: return 0.0F;
-    case HairStyle::kReceding: depth = 0.006F + 0.004F * back; break;
-    case HairStyle::kShort: depth = 0.008F + 0.014F * top + 0.010F * top * front; break;
+    case HairStyle::kBald:
+      return 0.0F;
+    case HairStyle::kReceding:
+      depth = 0.006F + 0.004F * back;
+      break;
+    case HairStyle::kShort:
+      depth = 0.008F + 0.014F * top + 0.010F * top * front;
+      break;
     case HairStyle::kParted:
       depth = 0.010F + 0.020F * top + 0.008F * top * smooth_step(-0.02F, 0.05F, p.y);
       break;
-    case HairStyle::kBob: depth = 0.020F + 0.010F * top; break;
-    case HairStyle::kLong: depth = 0.017F + 0.010F * top; break;
+    case HairStyle::kBob:
+      depth = 0.020F + 0.010F * top;
+      break;
+    case HairStyle::kLong:
+      depth = 0.017F + 0.010F * top;
+      break;
     case HairStyle::kPonytail:
-    case HairStyle::kBun: depth = 0.010F + 0.010F * top; break;
-    case HairStyle::kAfro: depth = 0.046F + 0.012F * top; break;
+    case HairStyle::kBun:
+      depth = 0.010F + 0.010F * top;
+      break;
+    case HairStyle::kAfro:
+      depth = 0.046F + 0.012F * top;
+      break;
   }
   if (hat) depth = std::min(depth, 0.009F);
   return depth;
@@ -479,8 +491,9 @@ glm::vec3 dress_head(const Figure& figure, const glm::vec3& p) {
   direction = glm::normalize(direction);
   // thin where it begins, full further up
   const float above = p.z - hair_line(figure, p);
-  const float full = figure.hair == HairStyle::kAfro ? smooth_step(-0.004F, 0.060F, above)
-                                                     : 0.30F + 0.70F * smooth_step(0.0F, 0.030F, above);
+  const float full = figure.hair == HairStyle::kAfro
+                         ? smooth_step(-0.004F, 0.060F, above)
+                         : 0.30F + 0.70F * smooth_step(0.0F, 0.030F, above);
   float depth = hair * full * hair_thickness(figure, p);
   if (figure.hat == HatStyle::kHeadscarf) {
     depth = hat * (0.013F + 0.008F * smooth_step(0.0F, -0.09F, p.x));
@@ -498,8 +511,8 @@ glm::vec3 dress_head(const Figure& figure, const glm::vec3& p) {
 }
 
 struct Grid {
-  std::vector<Ring> rings;               // bottom to top
-  std::vector<std::vector<int>> faces;   // [row][column]
+  std::vector<Ring> rings;              // bottom to top
+  std::vector<std::vector<int>> faces;  // [row][column]
 };
 
 int mirror(int column, int columns) { return (columns - column) % columns; }
@@ -551,8 +564,8 @@ class Modeller {
       const float length = std::hypot(a.zs - b.zs, a.ys - b.ys);
       const int count = std::max(1, static_cast<int>(std::lround(length * figure_.rows / 0.055F)));
       for (int k = 1; k < count; ++k) {
-        rows.push_back({mix(a, b, static_cast<float>(k) / static_cast<float>(count)), key.region,
-                        key.zone});
+        rows.push_back(
+            {mix(a, b, static_cast<float>(k) / static_cast<float>(count)), key.region, key.zone});
       }
     }
     for (const Row& row : rows) {
@@ -561,7 +574,8 @@ class Modeller {
       for (int j = 0; j < columns_; ++j) {
         const glm::vec3 p = section_point(row.section, static_cast<float>(j), columns_);
         // a coat swings like a skirt
-        const bool tail = row.zone == Zone::kTrunk && figure_.hem_z < 0.76F && row.section.zs < 0.90F;
+        const bool tail =
+            row.zone == Zone::kTrunk && figure_.hem_z < 0.76F && row.section.zs < 0.90F;
         ring.push_back(mesh().add_vertex(p, row.zone == Zone::kSkirt || tail ? Part::kSkirt
                                             : is_head                        ? Part::kHead
                                                                              : Part::kTorso));
@@ -572,7 +586,8 @@ class Modeller {
       std::vector<int> made;
       for (int j = 0; j < columns_; ++j) {
         const int next = (j + 1) % columns_;
-        const bool in_arm = static_cast<int>(row) >= arm_row_ && static_cast<int>(row) < arm_row_ + 2 &&
+        const bool in_arm = static_cast<int>(row) >= arm_row_ &&
+                            static_cast<int>(row) < arm_row_ + 2 &&
                             (is_arm_column(j) || is_arm_column(columns_ - 1 - j));
         if (in_arm) {
           made.push_back(-1);
@@ -661,9 +676,12 @@ class Modeller {
       const float front = glm::mix(0.088F, 0.056F, smooth_step(0.85F, 0.05F, z));
       const float back = glm::mix(-0.092F, -0.066F, smooth_step(0.85F, 0.05F, z));
       const float wide = glm::mix(0.084F, 0.056F, smooth_step(0.85F, 0.05F, z));
-      row.xf = glm::mix(row.xf, std::max(row.xf, front * girth * 0.98F + 0.004F), std::min(loose, 1.0F));
-      row.xb = glm::mix(row.xb, std::min(row.xb, back * girth * 0.98F - 0.004F), std::min(loose, 1.0F));
-      row.ry = glm::mix(row.ry, std::max(row.ry, wide * girth * 0.98F + 0.004F), std::min(loose, 1.0F));
+      row.xf =
+          glm::mix(row.xf, std::max(row.xf, front * girth * 0.98F + 0.004F), std::min(loose, 1.0F));
+      row.xb =
+          glm::mix(row.xb, std::min(row.xb, back * girth * 0.98F - 0.004F), std::min(loose, 1.0F));
+      row.ry =
+          glm::mix(row.ry, std::max(row.ry, wide * girth * 0.98F + 0.004F), std::min(loose, 1.0F));
       if (loose > 1.0F) {
         const float extra = (loose - 1.0F) * 0.05F * smooth_step(0.80F, 0.55F, z);
         row.xf += extra;
@@ -718,7 +736,8 @@ class Modeller {
     Region region = first_leg_region_;
     const auto attach = [&](const std::vector<glm::vec3>& points, std::uint8_t chart_id) {
       Ring next;
-      for (const glm::vec3& p : points) next.push_back(mesh().add_vertex({p.x, p.y * side, p.z}, part));
+      for (const glm::vec3& p : points)
+        next.push_back(mesh().add_vertex({p.x, p.y * side, p.z}, part));
       // legs grow downwards, so the winding is the reverse of the trunk's
       const std::vector<int> made = mesh().bridge(ring, next, region, chart_id, !flip);
       ring = next;
@@ -761,24 +780,27 @@ class Modeller {
       float xf, zf, xb, zb, ry, zs, power;
     };
     // top point, bottom point, half breadth and height of the side; heel to toe
-    static constexpr FootRow kFoot[] = {
-        {0.034F, 0.108F, -0.066F, 0.096F, 0.038F, 0.102F, 2.0F},
-        {0.054F, 0.094F, -0.080F, 0.066F, 0.0405F, 0.074F, 2.1F},
-        {0.074F, 0.084F, -0.0865F, 0.030F, 0.0415F, 0.048F, 2.3F},
-        {0.090F, 0.076F, -0.084F, 0.003F, 0.042F, 0.030F, 2.6F},
-        {0.106F, 0.069F, -0.055F, 0.000F, 0.0425F, 0.026F, 2.8F},
-        {0.126F, 0.060F, 0.000F, 0.001F, 0.0435F, 0.024F, 2.8F},
-        {0.146F, 0.053F, 0.052F, 0.001F, 0.0475F, 0.023F, 2.8F},
-        {0.164F, 0.047F, 0.098F, 0.000F, 0.0500F, 0.022F, 2.8F},
-        {0.182F, 0.042F, 0.142F, 0.002F, 0.0455F, 0.021F, 2.6F},
-        {0.197F, 0.034F, 0.178F, 0.007F, 0.0330F, 0.020F, 2.3F}};
+    static constexpr FootRow kFoot[] = {{0.034F, 0.108F, -0.066F, 0.096F, 0.038F, 0.102F, 2.0F},
+                                        {0.054F, 0.094F, -0.080F, 0.066F, 0.0405F, 0.074F, 2.1F},
+                                        {0.074F, 0.084F, -0.0865F, 0.030F, 0.0415F, 0.048F, 2.3F},
+                                        {0.090F, 0.076F, -0.084F, 0.003F, 0.042F, 0.030F, 2.6F},
+                                        {0.106F, 0.069F, -0.055F, 0.000F, 0.0425F, 0.026F, 2.8F},
+                                        {0.126F, 0.060F, 0.000F, 0.001F, 0.0435F, 0.024F, 2.8F},
+                                        {0.146F, 0.053F, 0.052F, 0.001F, 0.0475F, 0.023F, 2.8F},
+                                        {0.164F, 0.047F, 0.098F, 0.000F, 0.0500F, 0.022F, 2.8F},
+                                        {0.182F, 0.042F, 0.142F, 0.002F, 0.0455F, 0.021F, 2.6F},
+                                        {0.197F, 0.034F, 0.178F, 0.007F, 0.0330F, 0.020F, 2.3F}};
     std::vector<FootRow> rows;
     if (figure_.shoe == ShoeStyle::kBoot) {
       const float g = 0.5F + 0.5F * figure_.thigh;
       const auto at = [&](float z, float offset) {
-        return FootRow{land_.ankle.x + 0.016F + look_up(kLeg, 1, z) * g + offset, z,
-                       land_.ankle.x + 0.004F + look_up(kLeg, 2, z) * g - offset, z,
-                       look_up(kLeg, 3, z) * g + offset, z, 2.0F};
+        return FootRow{land_.ankle.x + 0.016F + look_up(kLeg, 1, z) * g + offset,
+                       z,
+                       land_.ankle.x + 0.004F + look_up(kLeg, 2, z) * g - offset,
+                       z,
+                       look_up(kLeg, 3, z) * g + offset,
+                       z,
+                       2.0F};
       };
       rows.push_back(at(shaft, 0.013F));
       rows.push_back(at(0.165F, 0.011F));
@@ -884,7 +906,8 @@ class Modeller {
     std::vector<ArmRow> rows;
     const float sleeve = figure_.sleeve_m;
     const auto bare = [&](float a, float offset, Region region) {
-      const float g = glm::mix(figure_.arm, 0.5F + 0.5F * figure_.arm, smooth_step(0.25F, 0.53F, a));
+      const float g =
+          glm::mix(figure_.arm, 0.5F + 0.5F * figure_.arm, smooth_step(0.25F, 0.53F, a));
       return ArmRow{a, look_up(kArm, 1, a) * g + offset, look_up(kArm, 2, a) * g + offset, region};
     };
     const auto clothed = [&](float a) {
@@ -922,7 +945,8 @@ class Modeller {
       Ring next;
       for (int k = 0; k < kArmColumns; ++k) {
         const float psi = static_cast<float>(k - 2) * kPi / 6.0F;
-        const glm::vec3 p = centre(row.a) - u * (std::cos(psi) * row.ru) - f * (std::sin(psi) * row.rf);
+        const glm::vec3 p =
+            centre(row.a) - u * (std::cos(psi) * row.ru) - f * (std::sin(psi) * row.rf);
         next.push_back(mesh().add_vertex({p.x, p.y * side, p.z}, part));
       }
       mesh().bridge(ring, next, region, chart, flip);
@@ -949,10 +973,13 @@ class Modeller {
     const float size = 0.6F + 0.4F * figure_.arm;
     // across the hand (to the thumb) and towards its back, in half breadths
     static constexpr float kShape[kArmColumns][2] = {
-        {0.80F, -0.85F}, {0.40F, -1.0F}, {0.0F, -1.0F},  {-0.40F, -1.0F}, {-0.80F, -0.85F}, {-1.0F, 0.0F},
-        {-0.80F, 0.85F}, {-0.40F, 1.0F}, {0.0F, 1.05F}, {0.40F, 1.0F},   {0.80F, 0.85F},   {1.0F, 0.0F}};
-    static constexpr float kRows[][3] = {
-        {0.553F, 0.029F, 0.0195F}, {0.574F, 0.035F, 0.0185F}, {0.604F, 0.0395F, 0.0160F}, {0.634F, 0.0400F, 0.0135F}};
+        {0.80F, -0.85F},  {0.40F, -1.0F}, {0.0F, -1.0F},   {-0.40F, -1.0F},
+        {-0.80F, -0.85F}, {-1.0F, 0.0F},  {-0.80F, 0.85F}, {-0.40F, 1.0F},
+        {0.0F, 1.05F},    {0.40F, 1.0F},  {0.80F, 0.85F},  {1.0F, 0.0F}};
+    static constexpr float kRows[][3] = {{0.553F, 0.029F, 0.0195F},
+                                         {0.574F, 0.035F, 0.0185F},
+                                         {0.604F, 0.0395F, 0.0160F},
+                                         {0.634F, 0.0400F, 0.0135F}};
     const auto place = [&](const glm::vec3& p) { return glm::vec3{p.x, p.y * side, p.z}; };
     const auto centre = [&](float a) {
       return land_.shoulder + d * a + f * ((a - land_.elbow_m) * 0.13F);
@@ -995,14 +1022,16 @@ class Modeller {
 
   /// Extrudes one quad to a tapering, slightly curled finger. `palm_wall` is the wall that belongs
   /// to the palm's chart.
-  void grow_digit(int face, float side, const glm::vec3& direction, const glm::vec3& curl, float length, int finger,
-                  std::uint8_t back_chart, std::uint8_t palm_chart, int palm_wall) {
+  void grow_digit(int face, float side, const glm::vec3& direction, const glm::vec3& curl,
+                  float length, int finger, std::uint8_t back_chart, std::uint8_t palm_chart,
+                  int palm_wall) {
     static constexpr float kAt[3] = {0.42F, 0.80F, 1.0F};
     static constexpr float kScale[3] = {0.86F, 0.90F, 0.62F};
     float before = 0.0F;
     for (int step = 0; step < 3; ++step) {
       glm::vec3 middle{0.0F};
-      for (int i = 0; i < 4; ++i) middle += mesh().vertices[mesh().faces[face].corner[i]].position * 0.25F;
+      for (int i = 0; i < 4; ++i)
+        middle += mesh().vertices[mesh().faces[face].corner[i]].position * 0.25F;
       const float bend = 0.12F + 0.22F * static_cast<float>(step);
       glm::vec3 along = glm::normalize(direction + curl * bend) * (length * (kAt[step] - before));
       along.y *= side;
@@ -1026,12 +1055,14 @@ class Modeller {
       const glm::vec3 p{vertex.position.x, std::abs(vertex.position.y), vertex.position.z};
       const bool arm = vertex.part == Part::kArmLeft || vertex.part == Part::kArmRight;
       if (arm || vertex.part == Part::kTorso) {
-        amount[v] = std::max(amount[v], 0.6F * smooth_step(0.125F, 0.06F, glm::length(p - land_.shoulder)));
+        amount[v] =
+            std::max(amount[v], 0.6F * smooth_step(0.125F, 0.06F, glm::length(p - land_.shoulder)));
       }
       const bool leg = vertex.part == Part::kLegLeft || vertex.part == Part::kLegRight;
       if (!has_skirt(figure_) && (leg || (vertex.part == Part::kTorso && p.z < 0.9F))) {
         const bool own = is_tucked(figure_) || p.z > figure_.hem_z + 0.01F || leg;
-        if (own) amount[v] = std::max(amount[v], 0.5F * smooth_step(0.10F, 0.03F, std::abs(p.z - 0.845F)));
+        if (own)
+          amount[v] = std::max(amount[v], 0.5F * smooth_step(0.10F, 0.03F, std::abs(p.z - 0.845F)));
       }
     }
     mesh().smooth(amount, 3);
@@ -1054,7 +1085,8 @@ class Modeller {
     int best = head_row_;
     for (std::size_t row = head_row_; row < grid_.rings.size(); ++row) {
       const auto height = [&](int r) { return body_.mesh.vertices[grid_.rings[r][0]].position.z; };
-      if (std::abs(height(static_cast<int>(row)) - z) < std::abs(height(best) - z)) best = static_cast<int>(row);
+      if (std::abs(height(static_cast<int>(row)) - z) < std::abs(height(best) - z))
+        best = static_cast<int>(row);
     }
     return best;
   }
@@ -1062,8 +1094,11 @@ class Modeller {
   int side_row(float z, int column) const {
     int best = head_row_;
     for (std::size_t row = head_row_; row < grid_.rings.size(); ++row) {
-      const auto height = [&](int r) { return body_.mesh.vertices[grid_.rings[r][column]].position.z; };
-      if (std::abs(height(static_cast<int>(row)) - z) < std::abs(height(best) - z)) best = static_cast<int>(row);
+      const auto height = [&](int r) {
+        return body_.mesh.vertices[grid_.rings[r][column]].position.z;
+      };
+      if (std::abs(height(static_cast<int>(row)) - z) < std::abs(height(best) - z))
+        best = static_cast<int>(row);
     }
     return best;
   }
@@ -1097,7 +1132,8 @@ class Modeller {
       glm::vec3 middle{0.0F};
       for (const int face : patch) {
         for (int i = 0; i < 4; ++i) {
-          middle += mesh().vertices[mesh().faces[face].corner[i]].position / (4.0F * static_cast<float>(patch.size()));
+          middle += mesh().vertices[mesh().faces[face].corner[i]].position /
+                    (4.0F * static_cast<float>(patch.size()));
         }
       }
       // the root is narrow at both ends
@@ -1113,12 +1149,15 @@ class Modeller {
           patch,
           [&](const glm::vec3& p) {
             const glm::vec3 r = p - middle;
-            // a shell that opens backwards: its front edge lies on the head, its round rear stands off
+            // a shell that opens backwards: its front edge lies on the head, its round rear stands
+            // off
             const float rear = smooth_step(0.004F, -0.004F, r.x);
             const float h = std::clamp(r.z / half, -1.0F, 1.0F);
-            const float round = std::sqrt(std::max(0.0F, 1.0F - 0.97F * h * h)) * (1.0F + 0.18F * h);
-            return middle + glm::vec3{glm::mix(0.006F * (1.0F - h * h), -0.017F * round, rear) - 0.004F * h,
-                                      r.y + side * (0.004F + 0.012F * rear * round), r.z * 1.02F + 0.002F};
+            const float round =
+                std::sqrt(std::max(0.0F, 1.0F - 0.97F * h * h)) * (1.0F + 0.18F * h);
+            return middle +
+                   glm::vec3{glm::mix(0.006F * (1.0F - h * h), -0.017F * round, rear) - 0.004F * h,
+                             r.y + side * (0.004F + 0.012F * rear * round), r.z * 1.02F + 0.002F};
           },
           Part::kHead, 1, Region::kSkin, kChartHead);
     }
@@ -1167,8 +1206,10 @@ class Modeller {
         std::vector<int> out;
         for (const int wall : made) {
           const MeshFace& f = mesh().faces[wall];
-          const glm::vec3 e = mesh().vertices[f.corner[1]].position - mesh().vertices[f.corner[0]].position;
-          const glm::vec3 n = glm::cross(e, mesh().vertices[f.corner[3]].position - mesh().vertices[f.corner[0]].position);
+          const glm::vec3 e =
+              mesh().vertices[f.corner[1]].position - mesh().vertices[f.corner[0]].position;
+          const glm::vec3 n = glm::cross(
+              e, mesh().vertices[f.corner[3]].position - mesh().vertices[f.corner[0]].position);
           if (n.z < -0.8F * glm::length(n)) out.push_back(wall);
         }
         return out;
@@ -1189,12 +1230,16 @@ class Modeller {
               glm::vec3 q = p;
               q.z -= drop * glm::mix(figure_.hair == HairStyle::kBob ? 0.92F : 0.72F, 1.0F, back);
               // in to the neck, then over the shoulders
-              const float inwards = figure_.hair == HairStyle::kBob ? 0.0F : 0.035F * (t < 0.5F ? 1.0F : -0.35F) / static_cast<float>(steps);
+              const float inwards =
+                  figure_.hair == HairStyle::kBob
+                      ? 0.0F
+                      : 0.035F * (t < 0.5F ? 1.0F : -0.35F) / static_cast<float>(steps);
               q.y *= 1.0F - inwards * 6.0F;
               q.x = (q.x + 0.004F) * (1.0F - inwards * 1.5F) - 0.004F;
               if (figure_.hair == HairStyle::kLong) {
                 const float clear = -0.125F + 0.02F * smooth_step(0.05F, 0.12F, std::abs(p.y));
-                if (q.z < 1.50F && q.x < -0.03F) q.x = std::min(q.x, glm::mix(q.x, clear - (p.x < -0.11F ? 0.018F : 0.0F), 0.6F));
+                if (q.z < 1.50F && q.x < -0.03F)
+                  q.x = std::min(q.x, glm::mix(q.x, clear - (p.x < -0.11F ? 0.018F : 0.0F), 0.6F));
               }
               if (last) {
                 q.z -= 0.004F;
@@ -1219,24 +1264,32 @@ class Modeller {
       };
       std::vector<Step> steps;
       if (figure_.hair == HairStyle::kPonytail) {
-        steps = {{{-0.116F, 0, 1.712F}, 0.017F, {-1, 0, 0.3F}},  {{-0.135F, 0, 1.715F}, 0.024F, {-1, 0, -0.2F}},
-                 {{-0.160F, 0, 1.690F}, 0.031F, {-0.5F, 0, -1}}, {{-0.166F, 0, 1.640F}, 0.030F, {-0.1F, 0, -1}},
-                 {{-0.162F, 0, 1.585F}, 0.026F, {0.05F, 0, -1}}, {{-0.157F, 0, 1.53F}, 0.020F, {0.05F, 0, -1}},
+        steps = {{{-0.116F, 0, 1.712F}, 0.017F, {-1, 0, 0.3F}},
+                 {{-0.135F, 0, 1.715F}, 0.024F, {-1, 0, -0.2F}},
+                 {{-0.160F, 0, 1.690F}, 0.031F, {-0.5F, 0, -1}},
+                 {{-0.166F, 0, 1.640F}, 0.030F, {-0.1F, 0, -1}},
+                 {{-0.162F, 0, 1.585F}, 0.026F, {0.05F, 0, -1}},
+                 {{-0.157F, 0, 1.53F}, 0.020F, {0.05F, 0, -1}},
                  {{-0.156F, 0, 1.49F}, 0.008F, {0, 0, -1}}};
       } else {
-        steps = {{{-0.108F, 0, 1.712F}, 0.026F, {-1, 0, 0.35F}}, {{-0.117F, 0, 1.715F}, 0.037F, {-1, 0, 0.35F}},
-                 {{-0.131F, 0, 1.720F}, 0.042F, {-1, 0, 0.35F}}, {{-0.146F, 0, 1.725F}, 0.038F, {-1, 0, 0.35F}},
-                 {{-0.157F, 0, 1.729F}, 0.026F, {-1, 0, 0.35F}}, {{-0.162F, 0, 1.731F}, 0.012F, {-1, 0, 0.35F}}};
+        steps = {{{-0.108F, 0, 1.712F}, 0.026F, {-1, 0, 0.35F}},
+                 {{-0.117F, 0, 1.715F}, 0.037F, {-1, 0, 0.35F}},
+                 {{-0.131F, 0, 1.720F}, 0.042F, {-1, 0, 0.35F}},
+                 {{-0.146F, 0, 1.725F}, 0.038F, {-1, 0, 0.35F}},
+                 {{-0.157F, 0, 1.729F}, 0.026F, {-1, 0, 0.35F}},
+                 {{-0.162F, 0, 1.731F}, 0.012F, {-1, 0, 0.35F}}};
       }
       glm::vec3 old_centre{0.0F};
       for (const int face : patch) {
-        for (int i = 0; i < 4; ++i) old_centre += mesh().vertices[mesh().faces[face].corner[i]].position / 16.0F;
+        for (int i = 0; i < 4; ++i)
+          old_centre += mesh().vertices[mesh().faces[face].corner[i]].position / 16.0F;
       }
       glm::vec3 old_normal = glm::normalize(glm::vec3{-1.0F, 0.0F, 0.3F});
       std::uint8_t level = 1;
       for (const Step& step : steps) {
         const glm::vec3 normal = glm::normalize(step.normal);
-        const glm::vec3 old_up = glm::cross(glm::vec3{0, 1, 0}, old_normal), up = glm::cross(glm::vec3{0, 1, 0}, normal);
+        const glm::vec3 old_up = glm::cross(glm::vec3{0, 1, 0}, old_normal),
+                        up = glm::cross(glm::vec3{0, 1, 0}, normal);
         const bool first = level == 1;
         mesh().extrude(
             patch,
@@ -1246,7 +1299,8 @@ class Modeller {
               // the rim becomes a circle; the middle of the patch stays in the middle, a bit ahead
               const bool inner = length < 0.006F || (first && length < 0.004F);
               if (!inner) r *= step.radius / length;
-              return step.centre + glm::vec3{0, 1, 0} * r.x + up * r.y + normal * (inner ? step.radius * 0.12F : 0.0F);
+              return step.centre + glm::vec3{0, 1, 0} * r.x + up * r.y +
+                     normal * (inner ? step.radius * 0.12F : 0.0F);
             },
             Part::kHair, level++, Region::kHair, kChartHair);
         old_centre = step.centre;
@@ -1266,7 +1320,9 @@ class Modeller {
       if (whole || j < reach || j >= columns_ - reach) patch.push_back(grid_.faces[row][j]);
     }
     float base = 0.0F;
-    for (const int face : patch) base += mesh().vertices[mesh().faces[face].corner[0]].position.z / static_cast<float>(patch.size());
+    for (const int face : patch)
+      base += mesh().vertices[mesh().faces[face].corner[0]].position.z /
+              static_cast<float>(patch.size());
     const int steps = hat == HatStyle::kSunHat ? 3 : 2;
     for (int step = 1; step <= steps; ++step) {
       const float t = static_cast<float>(step) / static_cast<float>(steps);
@@ -1342,7 +1398,8 @@ class Modeller {
               // from the curve of the back to a flat front
               const float target = -0.135F - kDepth[step];
               const float flat = step == 0 ? 0.0F : 0.75F;
-              q.x = glm::mix(p.x - (kDepth[step] - (step > 0 ? kDepth[step - 1] : 0.0F)), target, flat);
+              q.x = glm::mix(p.x - (kDepth[step] - (step > 0 ? kDepth[step - 1] : 0.0F)), target,
+                             flat);
               // fuller at the bottom
               q.x -= step >= 2 ? 0.010F * smooth_step(0.10F, -0.14F, r.z) : 0.0F;
               return q;
@@ -1384,7 +1441,9 @@ class Modeller {
             const float scale = kSize[step] / (step == 0 ? 1.0F : kSize[step - 1]);
             const float flatten = step == 0 ? 0.8F : 0.3F;
             const float extra = kDepth[step] - (step > 0 ? kDepth[step - 1] : 0.0F);
-            return centre + flat * scale + normal * (step == 0 ? depth * flatten + extra : glm::mix(depth, kDepth[step], 1.0F - flatten));
+            return centre + flat * scale +
+                   normal * (step == 0 ? depth * flatten + extra
+                                       : glm::mix(depth, kDepth[step], 1.0F - flatten));
           },
           Part::kBag, 1, Region::kBag, kChartBag);
     }
@@ -1415,27 +1474,35 @@ Landmarks landmarks_of(const Figure& figure) {
 
 float hair_line(const Figure& figure, const glm::vec3& position) {
   // azimuth in degrees from the face, height of the hairline
-  static constexpr float kCropped[][2] = {{0, 1.724F},   {25, 1.727F},  {42, 1.719F},  {58, 1.697F},
-                                          {70, 1.664F},  {79, 1.640F},  {87, 1.648F},  {100, 1.642F},
+  static constexpr float kCropped[][2] = {{0, 1.724F},   {25, 1.727F},  {42, 1.719F}, {58, 1.697F},
+                                          {70, 1.664F},  {79, 1.640F},  {87, 1.648F}, {100, 1.642F},
                                           {113, 1.606F}, {135, 1.586F}, {180, 1.578F}};
-  static constexpr float kPinned[][2] = {{0, 1.725F},  {25, 1.724F}, {42, 1.711F}, {58, 1.688F},
-                                         {70, 1.664F}, {79, 1.655F}, {88, 1.660F}, {100, 1.640F},
+  static constexpr float kPinned[][2] = {{0, 1.725F},   {25, 1.724F},  {42, 1.711F}, {58, 1.688F},
+                                         {70, 1.664F},  {79, 1.655F},  {88, 1.660F}, {100, 1.640F},
                                          {115, 1.602F}, {140, 1.580F}, {180, 1.574F}};
   static constexpr float kFalling[][2] = {{0, 1.732F},  {10, 1.729F}, {22, 1.716F}, {34, 1.698F},
                                           {43, 1.676F}, {50, 1.645F}, {54, 1.605F}, {59, 1.555F},
                                           {75, 1.530F}, {180, 1.530F}};
-  static constexpr float kThin[][2] = {{0, 1.757F},  {25, 1.760F}, {42, 1.746F}, {58, 1.712F},
-                                       {70, 1.668F}, {79, 1.642F}, {87, 1.648F}, {100, 1.642F},
+  static constexpr float kThin[][2] = {{0, 1.757F},   {25, 1.760F},  {42, 1.746F}, {58, 1.712F},
+                                       {70, 1.668F},  {79, 1.642F},  {87, 1.648F}, {100, 1.642F},
                                        {113, 1.606F}, {135, 1.586F}, {180, 1.578F}};
   const float azimuth = std::atan2(std::abs(position.y), position.x + 0.004F) * 180.0F / kPi;
   float line = 0.0F;
   switch (figure.hair) {
     case HairStyle::kBob:
-    case HairStyle::kLong: line = look_up(kFalling, 1, azimuth); break;
+    case HairStyle::kLong:
+      line = look_up(kFalling, 1, azimuth);
+      break;
     case HairStyle::kPonytail:
-    case HairStyle::kBun: line = look_up(kPinned, 1, azimuth); break;
-    case HairStyle::kReceding: line = look_up(kThin, 1, azimuth); break;
-    default: line = look_up(kCropped, 1, azimuth); break;
+    case HairStyle::kBun:
+      line = look_up(kPinned, 1, azimuth);
+      break;
+    case HairStyle::kReceding:
+      line = look_up(kThin, 1, azimuth);
+      break;
+    default:
+      line = look_up(kCropped, 1, azimuth);
+      break;
   }
   // an afro hides the ears
   if (figure.hair == HairStyle::kAfro && azimuth > 72.0F) line = std::min(line, 1.606F);
@@ -1452,12 +1519,23 @@ float hat_cover(const Figure& figure, const glm::vec3& position) {
   const float front = std::cos(azimuth);
   float line = 10.0F;
   switch (figure.hat) {
-    case HatStyle::kNone: return 0.0F;
-    case HatStyle::kCap: line = 1.692F + 0.016F * front; break;
-    case HatStyle::kBeanie: line = 1.682F + 0.020F * front; break;
-    case HatStyle::kHelmet: line = 1.692F + 0.016F * front; break;
-    case HatStyle::kFlatCap: line = 1.695F + 0.014F * front; break;
-    case HatStyle::kSunHat: line = 1.690F + 0.014F * front; break;
+    case HatStyle::kNone:
+      return 0.0F;
+    case HatStyle::kCap:
+      line = 1.692F + 0.016F * front;
+      break;
+    case HatStyle::kBeanie:
+      line = 1.682F + 0.020F * front;
+      break;
+    case HatStyle::kHelmet:
+      line = 1.699F + 0.004F * front;
+      break;
+    case HatStyle::kFlatCap:
+      line = 1.695F + 0.014F * front;
+      break;
+    case HatStyle::kSunHat:
+      line = 1.699F + 0.002F * front;
+      break;
     case HatStyle::kHeadscarf: {
       // everything but an oval around the face
       if (position.x < 0.0F) return 1.0F;

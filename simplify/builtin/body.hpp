@@ -42,7 +42,7 @@ struct Landmarks {
   glm::vec3 head{0.002F, 0.0F, 1.575F};
   glm::vec3 shoulder{-0.008F, 0.178F, 1.435F};
   glm::vec3 arm_direction{0.0F, 0.5F, -0.8660254F};  // 60 degrees below the horizontal
-  float elbow_m = 0.285F;  // along the arm from the shoulder joint
+  float elbow_m = 0.285F;                            // along the arm from the shoulder joint
   float wrist_m = 0.535F;
   float knuckle_m = 0.632F;
   glm::vec3 hip_joint{0.0F, 0.092F, 0.93F};
@@ -52,8 +52,8 @@ struct Landmarks {
 };
 
 struct Body {
-  Mesh mesh;                             // canonical
-  std::vector<std::vector<int>> slits;   // vertex paths that start on a seam; optional extra cuts
+  Mesh mesh;                            // canonical
+  std::vector<std::vector<int>> slits;  // vertex paths that start on a seam; optional extra cuts
 };
 
 Landmarks landmarks_of(const Figure& figure);

@@ -15,9 +15,12 @@ namespace {
 /// Where the vertices that the table still grants are spent.
 float importance(const MeshFace& face, const glm::vec3& canonical) {
   switch (face.region) {
-    case Region::kLining: return 0.25F;
-    case Region::kSole: return 0.4F;
-    default: break;
+    case Region::kLining:
+      return 0.25F;
+    case Region::kSole:
+      return 0.4F;
+    default:
+      break;
   }
   return canonical.z > 1.70F ? 2.2F : canonical.z > 1.54F ? 1.4F : 1.0F;
 }
@@ -75,10 +78,12 @@ SourceCharacter assemble(const Figure& figure) {
   simplify::SourceMaterial material;
   material.name = figure.name;
   material.wrap_u = material.wrap_v = simplify::Wrap::kClamp;
-  paint(figure, mesh, mesh.normals(canonical), sky_visibility(mesh, position, normal), layout, material);
+  paint(figure, mesh, mesh.normals(canonical), sky_visibility(mesh, position, normal), layout,
+        material);
   out.materials.push_back(std::move(material));
   for (const RigJoint& joint : rig.joints) {
-    out.joints.push_back({joint.name, joint.parent, glm::translate(glm::mat4(1.0F), -joint.position)});
+    out.joints.push_back(
+        {joint.name, joint.parent, glm::translate(glm::mat4(1.0F), -joint.position)});
   }
   out.clips = make_clips(figure, rig);
   return out;

@@ -15,8 +15,8 @@ std::vector<std::string> builtin_names();
 /// Models, unwraps, paints, rigs and animates one member of the cast. Needs no file; the same name
 /// gives the same bytes every time. May be called from several threads at once.
 ///
-/// The mesh is one closed surface with the vertex, triangle, UV and joint counts of a row of table 1
-/// in Dong & Peng (2019); T = 2V - 4. Clips: idle, walk, run at 30 Hz, in place.
+/// The mesh is one closed surface with the vertex, triangle, UV and joint counts of a row of table
+/// 1 in Dong & Peng (2019); T = 2V - 4. Clips: idle, walk, run at 30 Hz, in place.
 ///
 /// @param name  one of `builtin_names()`; any other name gives an empty character with a note.
 SourceCharacter make_builtin(const std::string& name);

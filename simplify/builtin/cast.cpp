@@ -431,7 +431,7 @@ std::array<Figure, 14> make_figures() {
     f.bottom = BottomStyle::kJeans;
     f.trouser_wide = 0.8F;
     f.shoe = ShoeStyle::kLeather;
-    
+
     f.color.skin = {0.40F, 0.27F, 0.20F};
     f.color.hair = {0.11F, 0.085F, 0.07F};
     f.color.lip = {0.42F, 0.24F, 0.23F};

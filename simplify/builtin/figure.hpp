@@ -9,7 +9,18 @@ namespace throng::builtin {
 enum class HairStyle { kShort, kParted, kReceding, kBald, kBob, kLong, kPonytail, kBun, kAfro };
 enum class HatStyle { kNone, kCap, kBeanie, kHelmet, kFlatCap, kSunHat, kHeadscarf };
 enum class CollarStyle { kCrew, kShirt, kJacket, kHood, kScarf, kScoop };
-enum class TopStyle { kTee, kShirt, kJacket, kSuit, kHoodie, kCoat, kKnit, kDress, kSafetyVest, kSport };
+enum class TopStyle {
+  kTee,
+  kShirt,
+  kJacket,
+  kSuit,
+  kHoodie,
+  kCoat,
+  kKnit,
+  kDress,
+  kSafetyVest,
+  kSport
+};
 enum class BottomStyle { kJeans, kTrousers, kShorts, kSkirt, kLeggings };
 enum class ShoeStyle { kSneaker, kLeather, kBoot, kFlat };
 enum class BagStyle { kNone, kBackpack, kMessenger, kHandbag };
@@ -53,9 +64,9 @@ struct Figure {
   float arm = 1.0F;    // thickness
   float thigh = 1.0F;  // thickness of the leg
   float neck = 1.0F;
-  float jaw = 1.0F;    // breadth of the lower face
+  float jaw = 1.0F;  // breadth of the lower face
   float nose = 1.0F;
-  float age = 0.3F;    // 0 child, 0.3 adult, 1 old: lines, grey, posture
+  float age = 0.3F;  // 0 child, 0.3 adult, 1 old: lines, grey, posture
   bool feminine = false;
 
   // clothes
@@ -66,12 +77,12 @@ struct Figure {
   HairStyle hair = HairStyle::kShort;
   HatStyle hat = HatStyle::kNone;
   BagStyle bag = BagStyle::kNone;
-  float cloth_m = 0.008F;     // stand-off of the top
-  float drape = 0.35F;        // 0 follows the waist, 1 hangs straight
-  float hem_z = 0.86F;        // lower edge of the top; above 1.0: tucked in
-  float sleeve_m = 0.20F;     // length from the shoulder joint; 0 none, 0.53 to the wrist
+  float cloth_m = 0.008F;  // stand-off of the top
+  float drape = 0.35F;     // 0 follows the waist, 1 hangs straight
+  float hem_z = 0.86F;     // lower edge of the top; above 1.0: tucked in
+  float sleeve_m = 0.20F;  // length from the shoulder joint; 0 none, 0.53 to the wrist
   float sleeve_wide = 1.0F;
-  float trouser_z = 0.062F;   // lower edge of the trousers or shorts
+  float trouser_z = 0.062F;  // lower edge of the trousers or shorts
   float trouser_wide = 1.0F;
   float skirt_z = 0.48F;
   float skirt_flare = 1.0F;
@@ -79,15 +90,15 @@ struct Figure {
   bool moustache = false;
   bool glasses = false;
   bool belt = false;
-  int pattern = 0;            // of the top: 0 plain, 1 stripes, 2 checks, 3 print, 4 dots, 5 yoke
+  int pattern = 0;  // of the top: 0 plain, 1 stripes, 2 checks, 3 print, 4 dots, 5 yoke
 
   Palette color;
 
   // mesh
-  int columns = 28;           // around the trunk; even
-  float rows = 1.0F;          // density along tubes
-  float calm = 1.0F;          // amplitude of arms and trunk in the clips
-  float pace = 1.0F;          // stretches the duration of the walk
+  int columns = 28;   // around the trunk; even
+  float rows = 1.0F;  // density along tubes
+  float calm = 1.0F;  // amplitude of arms and trunk in the clips
+  float pace = 1.0F;  // stretches the duration of the walk
 };
 
 /// The cast, in the order of the table.

@@ -168,7 +168,8 @@ void Mesh::triangulate() {
     if (std::abs(first - second) < 1e-4F) {
       int nearest = 0;
       for (int i = 1; i < 4; ++i) {
-        const float a = std::abs(p[i].y) * 4.0F + p[i].z, b = std::abs(p[nearest].y) * 4.0F + p[nearest].z;
+        const float a = std::abs(p[i].y) * 4.0F + p[i].z,
+                    b = std::abs(p[nearest].y) * 4.0F + p[nearest].z;
         if (a < b) nearest = i;
       }
       use_first = nearest % 2 == 0;
@@ -230,7 +231,8 @@ void Mesh::refine(int count,
     if (left == face_of.end() || right == face_of.end()) continue;
     const int f0 = left->second, f1 = right->second;
     // a seam would grow by a wedge, so seams are left as they are
-    if (faces[f0].chart != faces[f1].chart || is_cut(top.a, top.b)) continue;
+    if (faces[f0].chart != faces[f1].chart || is_cut(top.a, top.b) || is_slit(top.a, top.b))
+      continue;
     const MeshVertex &va = vertices[top.a], &vb = vertices[top.b];
     // midpoint of the cubic whose ends are perpendicular to the vertex normals
     const glm::vec3 edge = vb.position - va.position;
@@ -239,8 +241,7 @@ void Mesh::refine(int count,
                      0.125F;
     const float limit = 0.12F * glm::length(edge);
     if (glm::length(lift) > limit) lift *= limit / glm::length(lift);
-    const int made =
-        add_vertex((va.position + vb.position) * 0.5F + lift, va.part, va.detail);
+    const int made = add_vertex((va.position + vb.position) * 0.5F + lift, va.part, va.detail);
     normal.push_back(glm::normalize(normal[top.a] + normal[top.b] + 1e-6F));
     for (const int face : {f0, f1}) {
       const MeshFace old = faces[face];
@@ -263,7 +264,8 @@ void Mesh::refine(int count,
       enter(added);
     }
     for (const int face : {f0, f1}) {
-      for (int i = 0; i < 3; ++i) offer(faces[face].corner[i], faces[face].corner[(i + 1) % 3], face);
+      for (int i = 0; i < 3; ++i)
+        offer(faces[face].corner[i], faces[face].corner[(i + 1) % 3], face);
     }
     for (std::size_t face = faces.size() - 2; face < faces.size(); ++face) {
       for (int i = 0; i < 3; ++i) {

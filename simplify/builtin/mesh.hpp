@@ -63,7 +63,8 @@ class Mesh {
  public:
   std::vector<MeshVertex> vertices;
   std::vector<MeshFace> faces;
-  std::set<std::pair<int, int>> cuts;  // uv seams inside a chart, smaller vertex first
+  std::set<std::pair<int, int>> cuts;   // uv seams that open a chart, smaller vertex first
+  std::set<std::pair<int, int>> slits;  // uv seams that a chart doesn't need to lie flat
 
   int add_vertex(const glm::vec3& position, Part part, std::uint8_t detail = 0);
   int add_face(std::array<int, 4> corner, Region region, std::uint8_t chart);
@@ -83,6 +84,8 @@ class Mesh {
   void cut(int a, int b) { cuts.insert({std::min(a, b), std::max(a, b)}); }
   void cut_path(const std::vector<int>& path);
   bool is_cut(int a, int b) const { return cuts.count({std::min(a, b), std::max(a, b)}) > 0; }
+  void slit(int a, int b) { slits.insert({std::min(a, b), std::max(a, b)}); }
+  bool is_slit(int a, int b) const { return slits.count({std::min(a, b), std::max(a, b)}) > 0; }
 
   /// Moves vertices towards the mean of their neighbours; `amount` is per vertex in [0, 1].
   void smooth(const std::vector<float>& amount, int rounds);

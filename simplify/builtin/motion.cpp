@@ -40,13 +40,13 @@ float evaluate(const Harmonics& series, float cycles) {
 struct Gait {
   float duration_s;
   float stride_m;
-  float hip_m;        // mean height of the hip joint over the ground
-  float bob_m;        // amplitude, two a cycle
-  float bob_phase;    // of a high point
-  float reach_m;      // ankle ahead of the hip at heel strike, foot flat
+  float hip_m;                    // mean height of the hip joint over the ground
+  float bob_m;                    // amplitude, two a cycle
+  float bob_phase;                // of a high point
+  float reach_m;                  // ankle ahead of the hip at heel strike, foot flat
   float flat, heel_off, toe_off;  // phases
   float strike_rad, toe_rad;      // pitch of the foot at heel strike (toes up) and toe off (down)
-  float shift;        // of the captured curves, cycles
+  float shift;                    // of the captured curves, cycles
   Harmonics hip, knee;
   float pitch[4][2];  // phase, degrees: the foot in swing
 };
@@ -54,14 +54,40 @@ struct Gait {
 constexpr float kUnit = 0.845F;
 
 // Fitted to cmu_02_01_walk: stance differs from the capture by less than 7 degrees.
-constexpr Gait kWalk = {1.10F, 1.233F, 0.8890F, 0.016F, 0.269F, 0.275F, 0.135F, 0.423F, 0.580F, 0.294F, 0.607F, 0.040F,
-                        {11.76F, 22.70F, 3.81F, -3.30F, -4.58F, -0.47F, 2.26F, -0.25F, -0.22F, -0.21F, 0.0F, 0.25F, 0.22F},
-                        {35.86F, 9.14F, -14.17F, -17.72F, -3.86F, -2.12F, 5.49F, -1.79F, -0.16F, -0.63F, 0.39F, 0.16F, 0.47F},
+constexpr Gait kWalk = {1.10F,
+                        1.233F,
+                        0.8890F,
+                        0.016F,
+                        0.269F,
+                        0.275F,
+                        0.135F,
+                        0.423F,
+                        0.580F,
+                        0.294F,
+                        0.607F,
+                        0.040F,
+                        {11.76F, 22.70F, 3.81F, -3.30F, -4.58F, -0.47F, 2.26F, -0.25F, -0.22F,
+                         -0.21F, 0.0F, 0.25F, 0.22F},
+                        {35.86F, 9.14F, -14.17F, -17.72F, -3.86F, -2.12F, 5.49F, -1.79F, -0.16F,
+                         -0.63F, 0.39F, 0.16F, 0.47F},
                         {{0.655F, -56.0F}, {0.76F, -46.0F}, {0.88F, -6.0F}, {0.955F, 14.0F}}};
 // Fitted to cmu_02_03_run.
-constexpr Gait kRun = {0.733F, 1.95F, 0.876F, 0.020F, 0.447F, 0.150F, 0.089F, 0.175F, 0.360F, 0.020F, 0.760F, 0.080F,
-                       {13.50F, 22.91F, -13.23F, -7.16F, 0.48F, -1.68F, 0.04F, 0.27F, -0.19F, 0.16F, -0.11F, 0.07F, 0.01F},
-                       {57.75F, -0.70F, -32.53F, -18.77F, 7.47F, -2.04F, 0.22F, -0.32F, -0.11F, -0.40F, 0.32F, 0.37F, 0.27F},
+constexpr Gait kRun = {0.733F,
+                       1.95F,
+                       0.876F,
+                       0.020F,
+                       0.447F,
+                       0.150F,
+                       0.089F,
+                       0.175F,
+                       0.360F,
+                       0.020F,
+                       0.760F,
+                       0.080F,
+                       {13.50F, 22.91F, -13.23F, -7.16F, 0.48F, -1.68F, 0.04F, 0.27F, -0.19F, 0.16F,
+                        -0.11F, 0.07F, 0.01F},
+                       {57.75F, -0.70F, -32.53F, -18.77F, 7.47F, -2.04F, 0.22F, -0.32F, -0.11F,
+                        -0.40F, 0.32F, 0.37F, 0.27F},
                        {{0.46F, -75.0F}, {0.62F, -82.0F}, {0.80F, -42.0F}, {0.93F, -6.0F}}};
 
 struct Leg {
@@ -71,10 +97,10 @@ struct Leg {
 };
 
 struct AnkleState {
-  glm::vec2 ankle{0.0F};  // forward of the hip, above the ground
-  float pitch_rad = 0.0F; // toes up
-  float toe_rad = 0.0F;   // bend of the toes against the foot
-  float roll_m = 0.0F;    // how far the ankle has rolled forward over the resting point
+  glm::vec2 ankle{0.0F};   // forward of the hip, above the ground
+  float pitch_rad = 0.0F;  // toes up
+  float toe_rad = 0.0F;    // bend of the toes against the foot
+  float roll_m = 0.0F;     // how far the ankle has rolled forward over the resting point
 };
 
 glm::vec2 turned(const glm::vec2& v, float pitch) {
@@ -96,7 +122,8 @@ class LegPlan {
     off_[0] = end - capture(gait.toe_off);
     off_[1] = begin - capture(0.0F);
     const float span = 1.0F - gait.toe_off;
-    slope_[0] = ((end - before) - (capture(gait.toe_off) - capture(gait.toe_off - kStep))) / kStep * span;
+    slope_[0] =
+        ((end - before) - (capture(gait.toe_off) - capture(gait.toe_off - kStep))) / kStep * span;
     slope_[1] = ((after - begin) - (capture(kStep) - capture(0.0F))) / kStep * span;
     // the foot lands without sliding; it may leave the ground with a small jerk of the knee
     slope_[0] = glm::clamp(slope_[0], glm::vec2{-12.0F}, glm::vec2{12.0F});
@@ -106,7 +133,9 @@ class LegPlan {
   float stride_m() const { return gait_.stride_m * scale_; }
 
   float hip_height(float phase) const {
-    return -leg_.heel.y + (gait_.hip_m - 0.085F + gait_.bob_m * std::cos(4.0F * kPi * (phase - gait_.bob_phase))) * scale_;
+    return -leg_.heel.y +
+           (gait_.hip_m - 0.085F + gait_.bob_m * std::cos(4.0F * kPi * (phase - gait_.bob_phase))) *
+               scale_;
   }
 
   AnkleState at(float phase) const {
@@ -120,8 +149,9 @@ class LegPlan {
     const float hip = (evaluate(gait_.hip, phase + gait_.shift) + join.x) * kDegree;
     const float knee = std::max(2.0F, evaluate(gait_.knee, phase + gait_.shift) + join.y) * kDegree;
     AnkleState out;
-    out.ankle = glm::vec2{std::sin(hip) * leg_.thigh_m + std::sin(hip - knee) * leg_.shin_m,
-                          hip_height(phase) - std::cos(hip) * leg_.thigh_m - std::cos(hip - knee) * leg_.shin_m};
+    out.ankle = glm::vec2{
+        std::sin(hip) * leg_.thigh_m + std::sin(hip - knee) * leg_.shin_m,
+        hip_height(phase) - std::cos(hip) * leg_.thigh_m - std::cos(hip - knee) * leg_.shin_m};
     out.pitch_rad = swing_pitch(phase);
     const AnkleState end = stance(gait_.toe_off);
     out.toe_rad = end.toe_rad * (1.0F - smooth_step(0.0F, 0.55F, s));
@@ -142,8 +172,12 @@ class LegPlan {
 
   AnkleState stance(float phase) const {
     AnkleState out;
-    out.pitch_rad = gait_.strike_rad * (1.0F - smooth_step(0.0F, gait_.flat, phase)) -
-                    gait_.toe_rad * std::pow(std::clamp((phase - gait_.heel_off) / (gait_.toe_off - gait_.heel_off), 0.0F, 1.0F), 1.8F);
+    out.pitch_rad =
+        gait_.strike_rad * (1.0F - smooth_step(0.0F, gait_.flat, phase)) -
+        gait_.toe_rad *
+            std::pow(
+                std::clamp((phase - gait_.heel_off) / (gait_.toe_off - gait_.heel_off), 0.0F, 1.0F),
+                1.8F);
     const float x = (gait_.reach_m - gait_.stride_m * phase) * scale_;
     const glm::vec2 pivot = out.pitch_rad >= 0.0F ? leg_.heel : leg_.toe_joint;
     const glm::vec2 from_pivot = pivot - turned(pivot, out.pitch_rad);
@@ -158,7 +192,8 @@ class LegPlan {
     const float dx = state.ankle.x, dz = state.ankle.y - hip_height(phase);
     const float d = std::min(std::hypot(dx, dz), (leg_.thigh_m + leg_.shin_m) * 0.9995F);
     const float t = leg_.thigh_m, s = leg_.shin_m;
-    const float knee = kPi - std::acos(std::clamp((t * t + s * s - d * d) / (2 * t * s), -1.0F, 1.0F));
+    const float knee =
+        kPi - std::acos(std::clamp((t * t + s * s - d * d) / (2 * t * s), -1.0F, 1.0F));
     const float lift = std::acos(std::clamp((t * t + d * d - s * s) / (2 * t * d), -1.0F, 1.0F));
     return glm::vec2{std::atan2(dx, -dz) + lift, knee} / kDegree;
   }
@@ -183,8 +218,8 @@ class LegPlan {
     };
     const float span = x[i + 1] - x[i];
     const float s = (phase - x[i]) / span, s2 = s * s, s3 = s2 * s;
-    return ((2 * s3 - 3 * s2 + 1) * y[i] + (s3 - 2 * s2 + s) * span * slope(i) + (3 * s2 - 2 * s3) * y[i + 1] +
-            (s3 - s2) * span * slope(i + 1)) *
+    return ((2 * s3 - 3 * s2 + 1) * y[i] + (s3 - 2 * s2 + s) * span * slope(i) +
+            (3 * s2 - 2 * s3) * y[i + 1] + (s3 - s2) * span * slope(i + 1)) *
            kDegree;
   }
 
@@ -197,8 +232,11 @@ class LegPlan {
 /// One frame under construction.
 class Pose {
  public:
-  explicit Pose(const Rig& rig) : rig_(rig), local_(rig.joints.size(), glm::quat{1, 0, 0, 0}),
-        world_(rig.joints.size()), has_world_(rig.joints.size(), false) {}
+  explicit Pose(const Rig& rig)
+      : rig_(rig),
+        local_(rig.joints.size(), glm::quat{1, 0, 0, 0}),
+        world_(rig.joints.size()),
+        has_world_(rig.joints.size(), false) {}
 
   void rotate(int joint, const glm::quat& rotation) {
     if (joint >= 0) local_[joint] = rotation;
@@ -221,7 +259,8 @@ class Pose {
         rotation[j] = local_[j];
       } else {
         const RigJoint& parent = rig_.joints[joint.parent];
-        position[j] = position[joint.parent] + rotation[joint.parent] * (joint.position - parent.position);
+        position[j] =
+            position[joint.parent] + rotation[joint.parent] * (joint.position - parent.position);
         rotation[j] = rotation[joint.parent] * local_[j];
       }
       if (has_world_[j]) rotation[j] = world_[j];
@@ -244,7 +283,8 @@ class Animator {
       foot_[side] = rig.find(s + "foot");
       toes_[side] = rig.find(s + "toes");
     }
-    const glm::vec3 hip = at(thigh_[0]), knee = at(shin_[0]), ankle = at(foot_[0]), ball = at(toes_[0]);
+    const glm::vec3 hip = at(thigh_[0]), knee = at(shin_[0]), ankle = at(foot_[0]),
+                    ball = at(toes_[0]);
     leg_.thigh_m = glm::length(knee - hip);
     leg_.shin_m = glm::length(ankle - knee);
     const Landmarks land = landmarks_of(figure);
@@ -260,10 +300,13 @@ class Animator {
   }
 
   simplify::SourceClip walk() {
-    return cycle("walk", render::ClipKind::kWalk, kWalk, kWalk.duration_s * std::sqrt(leg_.thigh_m + leg_.shin_m) / std::sqrt(kUnit) * figure_.pace);
+    return cycle(
+        "walk", render::ClipKind::kWalk, kWalk,
+        kWalk.duration_s * std::sqrt(leg_.thigh_m + leg_.shin_m) / std::sqrt(kUnit) * figure_.pace);
   }
   simplify::SourceClip run() {
-    return cycle("run", render::ClipKind::kRun, kRun, kRun.duration_s * std::sqrt(leg_.thigh_m + leg_.shin_m) / std::sqrt(kUnit));
+    return cycle("run", render::ClipKind::kRun, kRun,
+                 kRun.duration_s * std::sqrt(leg_.thigh_m + leg_.shin_m) / std::sqrt(kUnit));
   }
 
   simplify::SourceClip idle() {
@@ -283,7 +326,8 @@ class Animator {
       pose.rotate(joint("spine3"), about_y(-0.8F * breath + stoop * 0.4F));
       pose.rotate(joint("neck"), about_y(0.4F * breath - stoop * 0.3F));
       const float look = std::sin(2.0F * kPi * t - 0.6F) + 0.35F * std::sin(6.0F * kPi * t);
-      pose.rotate(joint("head"), about_z(7.0F * look * figure_.calm) * about_y(1.0F * breath - stoop * 0.5F));
+      pose.rotate(joint("head"),
+                  about_z(7.0F * look * figure_.calm) * about_y(1.0F * breath - stoop * 0.5F));
       for (int side = 0; side < 2; ++side) {
         const float s = side == 0 ? 1.0F : -1.0F;
         arm(pose, side, 2.0F + 1.5F * wave * s, 11.0F + 3.0F * s * wave, -0.9F * breath);
@@ -312,7 +356,8 @@ class Animator {
     return clip;
   }
 
-  simplify::SourceClip cycle(const char* name, render::ClipKind kind, const Gait& gait, float duration_s) {
+  simplify::SourceClip cycle(const char* name, render::ClipKind kind, const Gait& gait,
+                             float duration_s) {
     const auto frames = static_cast<std::uint32_t>(std::lround(duration_s * kRate));
     simplify::SourceClip clip = start(name, kind, frames);
     const LegPlan plan(gait, leg_);
@@ -327,7 +372,8 @@ class Animator {
       Pose pose(rig_);
       // the pelvis turns with the leading leg, drops on the side of the swinging one and shifts
       // over the standing one
-      pose.root_offset = {0.0F, (running ? 0.010F : 0.016F) * size * std::cos(angle - 2.0F * kPi * 0.30F),
+      pose.root_offset = {0.0F,
+                          (running ? 0.010F : 0.016F) * size * std::cos(angle - 2.0F * kPi * 0.30F),
                           plan.hip_height(phase) - hip_bind};
       const float yaw = -(running ? 6.0F : 5.5F) * std::cos(angle);
       const float hip_sway = figure_.feminine ? 3.6F : 2.4F;
@@ -337,8 +383,9 @@ class Animator {
       pose.rotate(joint("hips"), about_z(yaw) * about_x(roll) * about_y(lean * 0.25F));
       const float counter = ((running ? 11.0F : 8.0F) * std::cos(angle)) * (0.6F + 0.4F * calm);
       for (const char* name : {"spine1", "spine2", "spine3"}) {
-        pose.rotate(joint(name), about_z((counter - yaw * 0.3F) / 3.0F) * about_x(-roll / 2.6F) *
-                                     about_y(lean * 0.25F + (running ? 0.8F : 0.6F) * std::sin(2.0F * angle)));
+        pose.rotate(joint(name),
+                    about_z((counter - yaw * 0.3F) / 3.0F) * about_x(-roll / 2.6F) *
+                        about_y(lean * 0.25F + (running ? 0.8F : 0.6F) * std::sin(2.0F * angle)));
       }
       pose.rotate(joint("neck"), about_z(-(counter + yaw) * 0.45F) * about_y(-lean * 0.35F));
       pose.rotate(joint("head"), about_z(-(counter + yaw) * 0.45F) * about_x(roll * 0.2F) *
@@ -350,7 +397,8 @@ class Animator {
           arm(pose, side, -14.0F - 33.0F * calm * swing, 92.0F - 10.0F * swing, 0.0F);
         } else {
           const float still = figure_.bag == BagStyle::kMessenger && side == 1 ? 0.6F : 1.0F;
-          arm(pose, side, 1.0F - 19.0F * calm * still * swing, 22.0F - 13.0F * calm * std::cos(2.0F * kPi * (own - 0.08F)), 0.0F);
+          arm(pose, side, 1.0F - 19.0F * calm * still * swing,
+              22.0F - 13.0F * calm * std::cos(2.0F * kPi * (own - 0.08F)), 0.0F);
         }
         const AnkleState state = plan.at(own);
         const glm::vec3 bind = at(foot_[side]);
@@ -359,11 +407,14 @@ class Animator {
         // feet point a little outwards and roll along that line
         const float toe_out = (side == 0 ? 1.0F : -1.0F) * 4.0F;
         const float aside = state.roll_m * std::sin(toe_out * kDegree);
-        place_leg(pose, side, {state.ankle.x + at(thigh_[side]).x, track + aside, state.ankle.y}, state.pitch_rad, state.toe_rad, toe_out);
+        place_leg(pose, side, {state.ankle.x + at(thigh_[side]).x, track + aside, state.ankle.y},
+                  state.pitch_rad, state.toe_rad, toe_out);
       }
       const float bounce = std::sin(2.0F * angle);
-      pose.rotate(joint("hair1"), about_y((running ? 7.0F : 2.5F) * bounce + lean * 0.5F) * about_x(2.0F * std::sin(angle)));
-      pose.rotate(joint("hair2"), about_y((running ? 9.0F : 3.0F) * std::sin(2.0F * angle - 0.9F)) * about_x(3.0F * std::sin(angle - 0.6F)));
+      pose.rotate(joint("hair1"), about_y((running ? 7.0F : 2.5F) * bounce + lean * 0.5F) *
+                                      about_x(2.0F * std::sin(angle)));
+      pose.rotate(joint("hair2"), about_y((running ? 9.0F : 3.0F) * std::sin(2.0F * angle - 0.9F)) *
+                                      about_x(3.0F * std::sin(angle - 0.6F)));
       pose.rotate(joint("bag"), about_y((running ? 1.5F : 0.6F) * bounce));
       finish(clip, frame, pose);
     }
@@ -374,17 +425,23 @@ class Animator {
   void arm(Pose& pose, int side, float swing, float elbow, float lift) const {
     const std::string s = side == 0 ? "left_" : "right_";
     const auto sided = [&](const glm::quat& q) { return side == 0 ? q : mirrored(q); };
-    const float wide = 24.0F - 60.0F * (std::max(figure_.belly_m, 0.0F) + 0.3F * std::max(0.0F, figure_.waist - 1.0F)) -
-                       (figure_.bag != BagStyle::kNone && figure_.bag != BagStyle::kBackpack && side == 1 ? 7.0F : 0.0F) -
-                       (has_skirt_joints(figure_) ? 4.0F : 0.0F) - 120.0F * std::max(0.0F, figure_.cloth_m - 0.010F);
+    const float wide =
+        24.0F -
+        60.0F * (std::max(figure_.belly_m, 0.0F) + 0.3F * std::max(0.0F, figure_.waist - 1.0F)) -
+        (figure_.bag != BagStyle::kNone && figure_.bag != BagStyle::kBackpack && side == 1 ? 7.0F
+                                                                                           : 0.0F) -
+        (has_skirt_joints(figure_) ? 4.0F : 0.0F) -
+        120.0F * std::max(0.0F, figure_.cloth_m - 0.010F);
     pose.rotate(rig_.find(s + "clavicle"), sided(about_x(lift) * about_z(-swing * 0.06F)));
     const float twist = 10.0F;  // palms turn a little back
     pose.rotate(rig_.find(s + "upper_arm"), sided(about_y(-swing) * about_x(-wide)));
     const glm::vec3 flex{0.0F, 0.8660254F, 0.5F};
     pose.rotate(rig_.find(s + "forearm"), sided(glm::angleAxis(-(elbow - 8.0F) * kDegree, flex)));
     const glm::vec3 along{0.0F, 0.5F, -0.8660254F};
-    pose.rotate(rig_.find(s + "forearm_twist"), sided(glm::angleAxis(twist * 0.5F * kDegree, along)));
-    pose.rotate(rig_.find(s + "hand"), sided(glm::angleAxis(twist * kDegree, along) * about_x(-4.0F)));
+    pose.rotate(rig_.find(s + "forearm_twist"),
+                sided(glm::angleAxis(twist * 0.5F * kDegree, along)));
+    pose.rotate(rig_.find(s + "hand"),
+                sided(glm::angleAxis(twist * kDegree, along) * about_x(-4.0F)));
     const float curl = elbow > 60.0F ? 38.0F : 14.0F;
     for (const char* digit : {"index", "middle", "ring", "pinky"}) {
       for (int level = 1; level <= 3; ++level) {
@@ -394,7 +451,8 @@ class Animator {
   }
 
   /// Two-bone inverse kinematics from where the hip is in `pose` to `ankle`.
-  void place_leg(Pose& pose, int side, const glm::vec3& ankle, float pitch_rad, float toe_rad, float toe_out) const {
+  void place_leg(Pose& pose, int side, const glm::vec3& ankle, float pitch_rad, float toe_rad,
+                 float toe_out) const {
     std::vector<glm::vec3> position;
     std::vector<glm::quat> rotation;
     pose.solve(position, rotation);
@@ -405,7 +463,10 @@ class Animator {
     const glm::vec3 down = glm::normalize(reach);
     const glm::vec3 pole = about_z(toe_out) * glm::vec3{1.0F, 0.0F, 0.0F};
     const glm::vec3 forward = glm::normalize(pole - down * glm::dot(pole, down));
-    const float cosine = std::clamp((leg_.thigh_m * leg_.thigh_m + d * d - leg_.shin_m * leg_.shin_m) / (2.0F * leg_.thigh_m * d), -1.0F, 1.0F);
+    const float cosine =
+        std::clamp((leg_.thigh_m * leg_.thigh_m + d * d - leg_.shin_m * leg_.shin_m) /
+                       (2.0F * leg_.thigh_m * d),
+                   -1.0F, 1.0F);
     const float sine = std::sqrt(1.0F - cosine * cosine);
     const glm::vec3 knee = hip + (down * cosine + forward * sine) * leg_.thigh_m;
     const glm::vec3 end = hip + down * d;
@@ -423,7 +484,8 @@ class Animator {
       const glm::vec3 x = glm::normalize(front - z * glm::dot(front, z));
       return glm::mat3(x, glm::cross(z, x), z);
     };
-    return glm::normalize(glm::quat_cast(frame(to, pole) * glm::transpose(frame(from, glm::vec3{1.0F, 0.0F, 0.0F}))));
+    return glm::normalize(
+        glm::quat_cast(frame(to, pole) * glm::transpose(frame(from, glm::vec3{1.0F, 0.0F, 0.0F}))));
   }
 
   /// Cloth below the hips is pushed out by the legs.
@@ -436,7 +498,8 @@ class Animator {
     const int hips = rig_.find("hips");
     const glm::quat to_hips = glm::conjugate(rotation[hips]);
     const bool skirt = figure_.bottom == BottomStyle::kSkirt;
-    const float hem = to_model(figure_, {0, 0, skirt ? figure_.skirt_z : figure_.hem_z}, Part::kSkirt).z;
+    const float hem =
+        to_model(figure_, {0, 0, skirt ? figure_.skirt_z : figure_.hem_z}, Part::kSkirt).z;
     const float size = (leg_.thigh_m + leg_.shin_m) / kUnit;
     struct Ball {
       glm::vec3 centre;
@@ -444,11 +507,14 @@ class Animator {
     };
     std::vector<Ball> balls;
     for (int side = 0; side < 2; ++side) {
-      const glm::vec3 hip = position[thigh_[side]], knee = position[shin_[side]], ankle = position[foot_[side]];
+      const glm::vec3 hip = position[thigh_[side]], knee = position[shin_[side]],
+                      ankle = position[foot_[side]];
       for (const float t : {0.45F, 0.7F, 1.0F}) {
-        balls.push_back({glm::mix(hip, knee, t), glm::mix(0.088F, 0.064F, t) * size * figure_.thigh});
+        balls.push_back(
+            {glm::mix(hip, knee, t), glm::mix(0.088F, 0.064F, t) * size * figure_.thigh});
       }
-      for (const float t : {0.35F, 0.7F}) balls.push_back({glm::mix(knee, ankle, t), 0.062F * size});
+      for (const float t : {0.35F, 0.7F})
+        balls.push_back({glm::mix(knee, ankle, t), 0.062F * size});
     }
     for (int i = 0; i < 8; ++i) {
       const float azimuth = static_cast<float>(i) * kPi / 4.0F;
@@ -469,10 +535,12 @@ class Animator {
         const float near = smooth_step(2.4F, 1.2F, across / ball.radius);
         if (near <= 0.0F) continue;
         const float bulge = ball.radius + 2.8F * across * across / size;
-        const float distance = (along + bulge + 0.018F) * near - glm::dot(glm::vec2{pivot.x, pivot.y}, glm::vec2{out.x, out.y});
+        const float distance = (along + bulge + 0.018F) * near -
+                               glm::dot(glm::vec2{pivot.x, pivot.y}, glm::vec2{out.x, out.y});
         tilt = std::max(tilt, std::atan2(distance, h) - rest);
       }
-      pose.rotate(first + i, glm::angleAxis(std::min(tilt, 1.1F), glm::cross(out, glm::vec3{0, 0, 1})));
+      pose.rotate(first + i,
+                  glm::angleAxis(std::min(tilt, 1.1F), glm::cross(out, glm::vec3{0, 0, 1})));
     }
   }
 

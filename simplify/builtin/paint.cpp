@@ -14,7 +14,9 @@ float smooth_step(float from, float to, float x) {
 }
 
 /// 1 within `half` of zero, with an edge of `soft`.
-float band(float x, float half, float soft) { return 1.0F - smooth_step(half - soft, half + soft, std::abs(x)); }
+float band(float x, float half, float soft) {
+  return 1.0F - smooth_step(half - soft, half + soft, std::abs(x));
+}
 
 float bell(float x, float width) {
   const float t = x / width;
@@ -22,7 +24,8 @@ float bell(float x, float width) {
 }
 
 float hash(int x, int y, int z) {
-  auto h = static_cast<std::uint32_t>(x) * 0x8da6b343U ^ static_cast<std::uint32_t>(y) * 0xd8163841U ^
+  auto h = static_cast<std::uint32_t>(x) * 0x8da6b343U ^
+           static_cast<std::uint32_t>(y) * 0xd8163841U ^
            static_cast<std::uint32_t>(z) * 0xcb1ab31fU;
   h ^= h >> 13;
   h *= 0x9e3779b1U;
@@ -66,17 +69,37 @@ class Painter {
   Paint at(const Texel& t) const {
     Paint out;
     switch (t.region) {
-      case Region::kSkin: out = t.part == Part::kHead ? head(t) : body_skin(t); break;
-      case Region::kHair: out = hair(t); break;
-      case Region::kTop: out = top(t); break;
-      case Region::kBottom: out = bottom(t); break;
-      case Region::kSock: out.color = sock(t); break;
+      case Region::kSkin:
+        out = t.part == Part::kHead ? head(t) : body_skin(t);
+        break;
+      case Region::kHair:
+        out = hair(t);
+        break;
+      case Region::kTop:
+        out = top(t);
+        break;
+      case Region::kBottom:
+        out = bottom(t);
+        break;
+      case Region::kSock:
+        out.color = sock(t);
+        break;
       case Region::kShoe:
-      case Region::kSole: out.color = shoe(t); break;
-      case Region::kHat: out.color = hat(t); break;
-      case Region::kBag: out.color = bag(t); break;
-      case Region::kScarf: out.color = scarf(t); break;
-      case Region::kLining: out = lining(t); break;
+      case Region::kSole:
+        out.color = shoe(t);
+        break;
+      case Region::kHat:
+        out.color = hat(t);
+        break;
+      case Region::kBag:
+        out.color = bag(t);
+        break;
+      case Region::kScarf:
+        out.color = scarf(t);
+        break;
+      case Region::kLining:
+        out = lining(t);
+        break;
     }
     // soft occlusion; in skin some light comes through
     const float shade = 0.46F + 0.54F * t.sky;
@@ -108,11 +131,13 @@ class Painter {
     const glm::vec3 flush = c * glm::vec3{1.02F, 0.86F, 0.82F};
     if (is_arm(t)) {
       const float a = arm_along(t.p);
-      c = glm::mix(c, flush, 0.5F * bell(a - land_.elbow_m, 0.03F) * smooth_step(0.0F, -0.5F, t.n.x));
+      c = glm::mix(c, flush,
+                   0.5F * bell(a - land_.elbow_m, 0.03F) * smooth_step(0.0F, -0.5F, t.n.x));
       if (a > land_.wrist_m - 0.01F) {
         // knuckles and the furrows between the bones of the hand
         c = glm::mix(c, flush, 0.55F * bell(a - land_.knuckle_m, 0.012F));
-        c *= 1.0F - 0.06F * band(std::sin((t.p.x) * 260.0F), 0.35F, 0.3F) * smooth_step(0.57F, 0.62F, a);
+        c *= 1.0F -
+             0.06F * band(std::sin((t.p.x) * 260.0F), 0.35F, 0.3F) * smooth_step(0.57F, 0.62F, a);
       }
     } else if (t.part == Part::kFinger) {
       const float a = arm_along(t.p);
@@ -124,8 +149,10 @@ class Painter {
     } else if (t.p.z > 1.40F) {
       // collar bones and the hollow of the throat
       const float y = std::abs(t.p.y);
-      c *= 1.0F - 0.10F * bell(t.p.z - (1.462F + 0.16F * y), 0.006F) * smooth_step(0.012F, 0.03F, y) * smooth_step(0.0F, 0.4F, t.n.x);
-      c *= 1.0F - 0.10F * bell(y, 0.010F) * bell(t.p.z - 1.475F, 0.012F) * smooth_step(0.0F, 0.4F, t.n.x);
+      c *= 1.0F - 0.10F * bell(t.p.z - (1.462F + 0.16F * y), 0.006F) *
+                      smooth_step(0.012F, 0.03F, y) * smooth_step(0.0F, 0.4F, t.n.x);
+      c *= 1.0F -
+           0.10F * bell(y, 0.010F) * bell(t.p.z - 1.475F, 0.012F) * smooth_step(0.0F, 0.4F, t.n.x);
     }
     out.color = c;
     out.tint.r = 1.0F;
@@ -151,7 +178,8 @@ class Painter {
       out.color *= 0.82F + 0.22F * smooth_step(-0.2F, 0.8F, std::abs(t.n.y));
       // the hollow of the shell and the fold of its rim
       out.color *= 1.0F - 0.42F * bell((p.x + 0.003F) / 0.7F, 0.0075F) * bell(p.z - 1.643F, 0.012F);
-      out.color *= 1.0F - 0.18F * band(std::hypot((p.x + 0.006F) / 0.62F, p.z - 1.648F) - 0.017F, 0.0018F, 0.0015F);
+      out.color *= 1.0F - 0.18F * band(std::hypot((p.x + 0.006F) / 0.62F, p.z - 1.648F) - 0.017F,
+                                       0.0018F, 0.0015F);
       out.tint = {1.0F, 0.0F, 0.0F, 0.0F};
     } else if (f_.hair != HairStyle::kBald) {
       const float azimuth = std::atan2(p.y, p.x + 0.004F);
@@ -160,7 +188,8 @@ class Painter {
       const float cover = hair_cover(f_, q);
       const float solid = smooth_step(0.30F, 0.75F, cover);
       // shadow of the hairline on the skin
-      out.color *= 1.0F - 0.22F * smooth_step(0.0F, 0.3F, hair_cover(f_, p + glm::vec3{0, 0, 0.007F}));
+      out.color *=
+          1.0F - 0.22F * smooth_step(0.0F, 0.3F, hair_cover(f_, p + glm::vec3{0, 0, 0.007F}));
       if (solid > 0.0F) {
         const Paint h = hair(t);
         out.color = glm::mix(out.color, h.color, solid);
@@ -169,7 +198,9 @@ class Painter {
     }
     if (f_.hat != HatStyle::kNone) {
       const float cover = smooth_step(0.45F, 0.55F, hat_cover(f_, p));
-      out.color *= 1.0F - 0.35F * smooth_step(0.0F, 0.4F, hat_cover(f_, p + glm::vec3{0, 0, 0.012F})) * (1.0F - cover);
+      out.color *= 1.0F - 0.35F *
+                              smooth_step(0.0F, 0.4F, hat_cover(f_, p + glm::vec3{0, 0, 0.012F})) *
+                              (1.0F - cover);
       out.color = glm::mix(out.color, hat(t), cover);
       out.tint *= 1.0F - cover;
     }
@@ -196,7 +227,9 @@ class Painter {
       out.color = c;
       return out;
     }
-    c = glm::mix(c, blush, (f_.feminine || child ? 0.55F : 0.38F) * bell(y - 0.042F, 0.020F) * bell(z - 1.622F, 0.018F));
+    c = glm::mix(c, blush,
+                 (f_.feminine || child ? 0.55F : 0.38F) * bell(y - 0.042F, 0.020F) *
+                     bell(z - 1.622F, 0.018F));
     c = glm::mix(c, blush, 0.35F * bell(y, 0.014F) * bell(z - 1.618F, 0.012F));
     c = glm::mix(c, blush, 0.20F * bell(y, 0.020F) * bell(z - 1.558F, 0.012F));
     // eye sockets, sides of the nose, under the lip: where a face is darker in any light
@@ -209,29 +242,39 @@ class Painter {
     c *= 1.0F - 0.10F * bell(y, 0.004F) * bell(z - 1.6025F, 0.005F);
     // fold from the nose to the corner of the mouth
     const float fold_y = 0.0175F + (1.612F - z) * 0.55F;
-    const float fold = bell(y - fold_y, 0.0022F) * smooth_step(1.588F, 1.596F, z) * smooth_step(1.616F, 1.606F, z);
+    const float fold =
+        bell(y - fold_y, 0.0022F) * smooth_step(1.588F, 1.596F, z) * smooth_step(1.616F, 1.606F, z);
     c *= 1.0F - (old ? 0.26F : child ? 0.0F : 0.09F) * fold;
     if (old) {
       const float line = std::sin((z + 0.0025F * std::sin(y * 60.0F)) * 700.0F);
-      c *= 1.0F - 0.07F * band(line, 0.25F, 0.3F) * smooth_step(1.692F, 1.70F, z) * smooth_step(1.735F, 1.72F, z) * smooth_step(0.05F, 0.035F, y);
+      c *= 1.0F - 0.07F * band(line, 0.25F, 0.3F) * smooth_step(1.692F, 1.70F, z) *
+                      smooth_step(1.735F, 1.72F, z) * smooth_step(0.05F, 0.035F, y);
       c *= 1.0F - 0.12F * bell(y - 0.031F, 0.014F) * bell(z - 1.6465F, 0.0018F);
-      c *= 1.0F - 0.10F * band(std::sin(z * 900.0F), 0.3F, 0.3F) * bell(y - 0.053F, 0.006F) * bell(z - 1.661F, 0.010F);
+      c *= 1.0F - 0.10F * band(std::sin(z * 900.0F), 0.3F, 0.3F) * bell(y - 0.053F, 0.006F) *
+                      bell(z - 1.661F, 0.010F);
     }
     // nostrils
-    c = glm::mix(c, skin * 0.32F, 0.85F * band(std::hypot((y - 0.0072F) / 1.25F, z - 1.6085F), 0.0030F, 0.0010F));
+    c = glm::mix(c, skin * 0.32F,
+                 0.85F * band(std::hypot((y - 0.0072F) / 1.25F, z - 1.6085F), 0.0030F, 0.0010F));
 
     // mouth
     const float wide = child ? 0.019F : 0.0235F;
     const float m = 1.0F - (y / wide) * (y / wide);
     if (m > 0.0F) {
       const float line = 1.5912F + 0.0012F * (y / wide) * (y / wide);
-      const float upper = line + 0.0072F * m * (1.0F - 0.22F * bell(y, 0.0045F)) * (old ? 0.75F : 1.0F);
+      const float upper =
+          line + 0.0072F * m * (1.0F - 0.22F * bell(y, 0.0045F)) * (old ? 0.75F : 1.0F);
       const float lower = line - 0.0090F * m * (old ? 0.8F : 1.0F);
-      const float lips = smooth_step(upper + 0.0008F, upper - 0.0010F, z) * smooth_step(lower - 0.0008F, lower + 0.0012F, z);
-      glm::vec3 lip = glm::mix(skin * glm::vec3{0.90F, 0.64F, 0.62F}, f_.color.lip, f_.feminine ? 0.75F : 0.25F);
-      lip *= z > line ? 0.86F : 1.0F + 0.14F * bell(y - 0.005F, 0.006F) * bell(z - (line + lower) * 0.5F, 0.0018F);
+      const float lips = smooth_step(upper + 0.0008F, upper - 0.0010F, z) *
+                         smooth_step(lower - 0.0008F, lower + 0.0012F, z);
+      glm::vec3 lip = glm::mix(skin * glm::vec3{0.90F, 0.64F, 0.62F}, f_.color.lip,
+                               f_.feminine ? 0.75F : 0.25F);
+      lip *= z > line ? 0.86F
+                      : 1.0F + 0.14F * bell(y - 0.005F, 0.006F) *
+                                   bell(z - (line + lower) * 0.5F, 0.0018F);
       c = glm::mix(c, lip, lips * (f_.feminine ? 0.95F : 0.75F));
-      c = glm::mix(c, skin * glm::vec3{0.34F, 0.20F, 0.19F}, 0.9F * band(z - line, 0.0008F + 0.0006F * m, 0.0006F));
+      c = glm::mix(c, skin * glm::vec3{0.34F, 0.20F, 0.19F},
+                   0.9F * band(z - line, 0.0008F + 0.0006F * m, 0.0006F));
       out.tint.r = 1.0F - 0.5F * lips;
     }
     c *= 1.0F - 0.25F * bell(y - wide, 0.0022F) * bell(z - 1.5918F, 0.0022F);
@@ -247,49 +290,69 @@ class Painter {
       const float tilt = 0.0010F * ex;  // the outer corner is a little higher
       const float lid_up = zc + tilt + 0.0074F * open * std::pow(arc, 0.75F);
       const float lid_low = zc + tilt - 0.0054F * open * std::pow(arc, 0.9F);
-      const float inside = arc > 0.0F ? smooth_step(lid_up + 0.0004F, lid_up - 0.0006F, z) * smooth_step(lid_low - 0.0004F, lid_low + 0.0006F, z) : 0.0F;
+      const float inside = arc > 0.0F ? smooth_step(lid_up + 0.0004F, lid_up - 0.0006F, z) *
+                                            smooth_step(lid_low - 0.0004F, lid_low + 0.0006F, z)
+                                      : 0.0F;
       glm::vec3 eye{0.90F, 0.885F, 0.87F};
-      eye = glm::mix(eye, glm::vec3{0.85F, 0.68F, 0.64F}, 0.6F * smooth_step(0.75F, 1.0F, std::abs(ex)));
+      eye = glm::mix(eye, glm::vec3{0.85F, 0.68F, 0.64F},
+                     0.6F * smooth_step(0.75F, 1.0F, std::abs(ex)));
       const glm::vec2 d{y - 0.0305F, z - (zc + 0.0008F)};
       const float r = glm::length(d);
       const float iris_size = child ? 0.0072F : 0.0066F;
-      glm::vec3 iris = f_.color.eye * (0.75F + 0.6F * smooth_step(0.0F, iris_size, -d.y + 0.4F * r));
+      glm::vec3 iris =
+          f_.color.eye * (0.75F + 0.6F * smooth_step(0.0F, iris_size, -d.y + 0.4F * r));
       iris *= 1.0F - 0.55F * smooth_step(iris_size * 0.72F, iris_size, r);
       eye = glm::mix(eye, iris, smooth_step(iris_size + 0.0004F, iris_size - 0.0004F, r));
       eye = glm::mix(eye, glm::vec3{0.03F, 0.03F, 0.035F}, smooth_step(0.0031F, 0.0025F, r));
-      const glm::vec2 gleam{t.p.y - (t.p.y > 0.0F ? 0.0305F : -0.0305F) - 0.0020F, z - (zc + 0.0032F)};
-      eye = glm::mix(eye, glm::vec3{1.0F}, 0.9F * smooth_step(0.0017F, 0.0010F, glm::length(gleam)));
+      const glm::vec2 gleam{t.p.y - (t.p.y > 0.0F ? 0.0305F : -0.0305F) - 0.0020F,
+                            z - (zc + 0.0032F)};
+      eye =
+          glm::mix(eye, glm::vec3{1.0F}, 0.9F * smooth_step(0.0017F, 0.0010F, glm::length(gleam)));
       eye *= 1.0F - 0.35F * smooth_step(lid_up - 0.0045F, lid_up, z);
       c = glm::mix(c, eye, inside);
       out.tint.r *= 1.0F - inside;
       // lashes and lids
       const float corner = smooth_step(1.25F, 0.95F, std::abs(ex));
       const float lash = f_.feminine ? 0.0017F : 0.0012F;
-      c = glm::mix(c, glm::vec3{0.09F, 0.065F, 0.06F}, (f_.feminine ? 0.95F : 0.8F) * corner * band(z - lid_up - 0.0003F, lash * (0.6F + 0.6F * smooth_step(-0.5F, 0.8F, ex)), 0.0006F));
+      c = glm::mix(c, glm::vec3{0.09F, 0.065F, 0.06F},
+                   (f_.feminine ? 0.95F : 0.8F) * corner *
+                       band(z - lid_up - 0.0003F,
+                            lash * (0.6F + 0.6F * smooth_step(-0.5F, 0.8F, ex)), 0.0006F));
       c = glm::mix(c, skin * 0.5F, 0.55F * corner * band(z - lid_low + 0.0002F, 0.0006F, 0.0005F));
       c *= 1.0F - 0.22F * corner * bell(z - lid_up - 0.0042F, 0.0012F);
-      if (f_.feminine && !child) c = glm::mix(c, c * glm::vec3{0.86F, 0.74F, 0.74F}, 0.6F * corner * smooth_step(lid_up, lid_up + 0.001F, z) * smooth_step(lid_up + 0.007F, lid_up + 0.003F, z));
+      if (f_.feminine && !child)
+        c = glm::mix(c, c * glm::vec3{0.86F, 0.74F, 0.74F},
+                     0.6F * corner * smooth_step(lid_up, lid_up + 0.001F, z) *
+                         smooth_step(lid_up + 0.007F, lid_up + 0.003F, z));
     }
     // brows
     const float by = (y - 0.0135F) / 0.0355F;
     if (by > -0.15F && by < 1.15F) {
-      const float arch = 1.6795F + 0.0052F * std::sin(std::clamp(by, 0.0F, 1.0F) * 2.3F) - 0.0030F * smooth_step(0.6F, 1.0F, by) + (f_.feminine ? 0.0012F : 0.0F);
-      const float thick = (f_.feminine ? 0.0021F : child ? 0.0022F : 0.0034F) * (1.0F - 0.65F * by * by);
+      const float arch = 1.6795F + 0.0052F * std::sin(std::clamp(by, 0.0F, 1.0F) * 2.3F) -
+                         0.0030F * smooth_step(0.6F, 1.0F, by) + (f_.feminine ? 0.0012F : 0.0F);
+      const float thick = (f_.feminine ? 0.0021F
+                           : child     ? 0.0022F
+                                       : 0.0034F) *
+                          (1.0F - 0.65F * by * by);
       const float strand = noise({t.p.y * 900.0F, z * 260.0F - y * 300.0F, 7.0F});
-      const float cover = band(z - arch, thick, 0.0012F) * smooth_step(-0.08F, 0.06F, by) * smooth_step(1.08F, 0.92F, by) * (0.62F + 0.38F * strand);
+      const float cover = band(z - arch, thick, 0.0012F) * smooth_step(-0.08F, 0.06F, by) *
+                          smooth_step(1.08F, 0.92F, by) * (0.62F + 0.38F * strand);
       c = glm::mix(c, f_.color.hair * 0.62F, 0.92F * cover);
       out.tint.r *= 1.0F - cover;
       out.tint.g = std::max(out.tint.g, cover);
     }
     if (f_.glasses) {
       const glm::vec2 d{(y - 0.0315F) / 1.22F, z - 1.658F};
-      const float r = std::pow(std::pow(std::abs(d.x), 3.0F) + std::pow(std::abs(d.y), 3.0F), 1.0F / 3.0F);
+      const float r =
+          std::pow(std::pow(std::abs(d.x), 3.0F) + std::pow(std::abs(d.y), 3.0F), 1.0F / 3.0F);
       float frame = band(r - 0.0175F, 0.0013F, 0.0005F);
       frame = std::max(frame, band(z - 1.664F, 0.0014F, 0.0005F) * smooth_step(0.013F, 0.012F, y));
-      frame = std::max(frame, band(z - 1.665F, 0.0016F, 0.0005F) * smooth_step(0.0515F, 0.0525F, y));
+      frame =
+          std::max(frame, band(z - 1.665F, 0.0016F, 0.0005F) * smooth_step(0.0515F, 0.0525F, y));
       const float glass = smooth_step(0.0175F, 0.0168F, r);
       c = glm::mix(c, c * 0.93F + glm::vec3{0.03F, 0.04F, 0.05F}, glass);
-      c = glm::mix(c, glm::vec3{0.92F}, 0.22F * glass * band(d.x * 0.8F + d.y - 0.006F, 0.0022F, 0.001F));
+      c = glm::mix(c, glm::vec3{0.92F},
+                   0.22F * glass * band(d.x * 0.8F + d.y - 0.006F, 0.0022F, 0.001F));
       c = glm::mix(c, glm::vec3{0.10F, 0.09F, 0.09F}, 0.92F * frame);
       out.tint.r *= 1.0F - frame;
     }
@@ -303,9 +366,11 @@ class Painter {
     const float azimuth = std::atan2(y, t.p.x + 0.004F);
     if (azimuth > 1.45F || z > 1.66F || z < 1.50F) return c;
     // from the sideburns along the jaw, below the cheeks, around the mouth
-    const float line = 1.603F - 0.014F * bell(azimuth - 0.52F, 0.22F) + 0.055F * smooth_step(0.85F, 1.30F, azimuth);
+    const float line = 1.603F - 0.014F * bell(azimuth - 0.52F, 0.22F) +
+                       0.055F * smooth_step(0.85F, 1.30F, azimuth);
     const float jaw = 1.520F + 0.060F * smooth_step(0.35F, 1.25F, azimuth);
-    float cover = smooth_step(line + 0.007F, line - 0.007F, z) * smooth_step(jaw - 0.012F, jaw + 0.014F, z) * smooth_step(1.46F, 1.22F, azimuth);
+    float cover = smooth_step(line + 0.007F, line - 0.007F, z) *
+                  smooth_step(jaw - 0.012F, jaw + 0.014F, z) * smooth_step(1.46F, 1.22F, azimuth);
     const float lip = band(std::hypot(y / 0.0245F, (z - 1.5905F) / 0.0105F), 0.80F, 0.12F);
     cover *= 1.0F - lip;
     const float under_nose = 1.0F - band(std::hypot(y / 0.005F, (z - 1.604F) / 0.004F), 0.8F, 0.3F);
@@ -316,7 +381,9 @@ class Painter {
     float amount = cover * under_nose * strength;
     if (f_.moustache) {
       const float arch = 1.6015F - 0.10F * y - 3.0F * y * y;
-      amount = std::max(amount, band(z - arch, 0.0045F * (1.0F - 0.5F * smooth_step(0.01F, 0.03F, y)), 0.0016F) * smooth_step(0.031F, 0.026F, y) * (0.75F + 0.25F * grain));
+      amount = std::max(
+          amount, band(z - arch, 0.0045F * (1.0F - 0.5F * smooth_step(0.01F, 0.03F, y)), 0.0016F) *
+                      smooth_step(0.031F, 0.026F, y) * (0.75F + 0.25F * grain));
     }
     if (f_.beard || f_.moustache) {
       tint.r *= 1.0F - amount;
@@ -339,14 +406,18 @@ class Painter {
       lock = noise(p * 90.0F);
     } else if (t.region == Region::kHair) {
       const bool tail = f_.hair == HairStyle::kPonytail || f_.hair == HairStyle::kBun;
-      strands(tail ? glm::vec3{p.y * 420.0F, p.z * 12.0F, p.x * 20.0F} : glm::vec3{azimuth * 30.0F, p.z * 7.0F, 1.0F}, strand, lock);
+      strands(tail ? glm::vec3{p.y * 420.0F, p.z * 12.0F, p.x * 20.0F}
+                   : glm::vec3{azimuth * 30.0F, p.z * 7.0F, 1.0F},
+              strand, lock);
     } else {
       // falls at the sides; above it is combed from the parting, or back from the brow
       const float over = smooth_step(1.708F, 1.752F, p.z);
       if (over < 1.0F) strands({azimuth * 30.0F, p.z * 7.0F, 1.0F}, strand, lock);
       if (over > 0.0F) {
         float s = 0.0F, l = 0.0F;
-        strands(f_.hair == HairStyle::kParted ? glm::vec3{p.x * 300.0F, p.y * 26.0F, 1.0F} : glm::vec3{p.y * 300.0F, p.x * 26.0F, 1.0F}, s, l);
+        strands(f_.hair == HairStyle::kParted ? glm::vec3{p.x * 300.0F, p.y * 26.0F, 1.0F}
+                                              : glm::vec3{p.y * 300.0F, p.x * 26.0F, 1.0F},
+                s, l);
         strand = glm::mix(strand, s, over);
         lock = glm::mix(lock, l, over);
       }
@@ -354,13 +425,18 @@ class Painter {
     const glm::vec3 flow = p * 60.0F;
     // a gloss where the head turns to the sky
     const float gloss = f_.hair == HairStyle::kAfro ? 0.0F : bell(t.n.z - 0.55F, 0.22F);
-    glm::vec3 c = f_.color.hair * (0.66F + 0.46F * strand + 0.22F * (lock - 0.5F) + 0.16F * gloss * (0.5F + strand)) +
+    glm::vec3 c = f_.color.hair * (0.66F + 0.46F * strand + 0.22F * (lock - 0.5F) +
+                                   0.16F * gloss * (0.5F + strand)) +
                   glm::vec3{0.045F, 0.040F, 0.036F} * gloss * (0.4F + strand);
     if (f_.hair == HairStyle::kParted && t.region != Region::kHair) {
-      c = glm::mix(c, f_.color.skin * 0.75F, 0.55F * band(p.y - 0.030F, 0.0012F, 0.0010F) * smooth_step(1.74F, 1.755F, p.z) * smooth_step(-0.05F, -0.02F, p.x));
+      c = glm::mix(c, f_.color.skin * 0.75F,
+                   0.55F * band(p.y - 0.030F, 0.0012F, 0.0010F) * smooth_step(1.74F, 1.755F, p.z) *
+                       smooth_step(-0.05F, -0.02F, p.x));
     }
     if (f_.hair == HairStyle::kLong || f_.hair == HairStyle::kBob) {
-      if (t.region != Region::kHair) c *= 1.0F - 0.45F * band(p.y, 0.0012F, 0.0012F) * smooth_step(1.745F, 1.76F, p.z) * smooth_step(-0.06F, -0.03F, p.x);
+      if (t.region != Region::kHair)
+        c *= 1.0F - 0.45F * band(p.y, 0.0012F, 0.0012F) * smooth_step(1.745F, 1.76F, p.z) *
+                        smooth_step(-0.06F, -0.03F, p.x);
       c *= 1.0F - 0.25F * smooth_step(1.50F, 1.36F, p.z) * (1.0F - strand);
     }
     if (f_.age > 0.6F) {
@@ -384,30 +460,41 @@ class Painter {
   }
 
   static float weave(const glm::vec3& p, float scale) {
-    return 1.0F + 0.035F * (noise(p * scale) - 0.5F) + 0.02F * (noise(p * scale * 2.1F + 9.0F) - 0.5F);
+    return 1.0F + 0.035F * (noise(p * scale) - 0.5F) +
+           0.02F * (noise(p * scale * 2.1F + 9.0F) - 0.5F);
   }
 
   glm::vec3 pattern(const Texel& t, glm::vec3 c, float fall, float around) const {
     switch (f_.pattern) {
-      case 1: return glm::mix(c, c * (f_.color.accent / glm::max(glm::vec3{0.05F}, f_.color.top)), smooth_step(-0.06F, 0.06F, std::sin(fall * 150.0F)));
+      case 1:
+        return glm::mix(c, c * (f_.color.accent / glm::max(glm::vec3{0.05F}, f_.color.top)),
+                        smooth_step(-0.06F, 0.06F, std::sin(fall * 150.0F)));
       case 2: {
-        const float a = smooth_step(-0.1F, 0.1F, std::sin(fall * 110.0F)), b = smooth_step(-0.1F, 0.1F, std::sin(around * 110.0F));
-        return c * (1.0F - 0.16F * a) * (1.0F - 0.16F * b) * (1.0F - 0.10F * band(std::sin(fall * 55.0F), 0.10F, 0.05F));
+        const float a = smooth_step(-0.1F, 0.1F, std::sin(fall * 110.0F)),
+                    b = smooth_step(-0.1F, 0.1F, std::sin(around * 110.0F));
+        return c * (1.0F - 0.16F * a) * (1.0F - 0.16F * b) *
+               (1.0F - 0.10F * band(std::sin(fall * 55.0F), 0.10F, 0.05F));
       }
       case 3: {  // print on the chest
         const glm::vec2 d{t.p.y, t.p.z - 1.265F};
         if (t.n.x < 0.1F || is_arm(t)) return c;
         const float ring = band(glm::length(d) - 0.058F, 0.009F, 0.001F);
-        const float bars = band(d.x, 0.045F, 0.001F) * band(std::fmod(std::abs(d.y), 0.026F) - 0.010F, 0.0055F, 0.001F) * smooth_step(0.052F, 0.051F, glm::length(d));
+        const float bars = band(d.x, 0.045F, 0.001F) *
+                           band(std::fmod(std::abs(d.y), 0.026F) - 0.010F, 0.0055F, 0.001F) *
+                           smooth_step(0.052F, 0.051F, glm::length(d));
         return glm::mix(c, f_.color.accent, 0.85F * std::max(ring, bars));
       }
       case 4: {
-        const glm::vec2 q{around * 26.0F, fall * 26.0F + (static_cast<int>(std::floor(around * 26.0F)) & 1 ? 0.5F : 0.0F)};
+        const glm::vec2 q{
+            around * 26.0F,
+            fall * 26.0F + (static_cast<int>(std::floor(around * 26.0F)) & 1 ? 0.5F : 0.0F)};
         const glm::vec2 r = q - glm::floor(q) - 0.5F;
         return glm::mix(c, f_.color.under, 0.85F * smooth_step(0.26F, 0.21F, glm::length(r)));
       }
-      case 5: return fall > 1.33F ? glm::mix(c, f_.color.accent, 0.9F) : c;
-      default: return c;
+      case 5:
+        return fall > 1.33F ? glm::mix(c, f_.color.accent, 0.9F) : c;
+      default:
+        return c;
     }
   }
 
@@ -428,21 +515,30 @@ class Painter {
     if (f_.top == TopStyle::kKnit) {
       const float rib = std::sin(around * 900.0F);
       c *= 0.94F + 0.07F * rib * rib + 0.05F * (noise(p * 320.0F) - 0.5F);
-      if (front || arm) c *= 1.0F - 0.10F * band(std::sin(around * 120.0F), 0.25F, 0.2F) * (0.6F + 0.4F * std::sin(fall * 190.0F));
+      if (front || arm)
+        c *= 1.0F - 0.10F * band(std::sin(around * 120.0F), 0.25F, 0.2F) *
+                        (0.6F + 0.4F * std::sin(fall * 190.0F));
     } else {
       c *= weave(p, f_.top == TopStyle::kSuit ? 700.0F : 480.0F);
     }
     float k = f_.top == TopStyle::kSuit ? 0.20F : f_.top == TopStyle::kKnit ? 0.22F : 0.34F;
     if (arm) {
-      const float at_elbow = bell(a - land_.elbow_m, 0.07F), at_pit = bell(a - 0.03F, 0.06F), at_cuff = bell(a - f_.sleeve_m + 0.03F, 0.05F);
-      c *= crease({a, p.x, y * 0.3F}, {34.0F, 12.0F, 9.0F}, k * (0.45F + 1.0F * at_elbow + 0.5F * at_pit + 0.6F * at_cuff));
+      const float at_elbow = bell(a - land_.elbow_m, 0.07F), at_pit = bell(a - 0.03F, 0.06F),
+                  at_cuff = bell(a - f_.sleeve_m + 0.03F, 0.05F);
+      c *= crease({a, p.x, y * 0.3F}, {34.0F, 12.0F, 9.0F},
+                  k * (0.45F + 1.0F * at_elbow + 0.5F * at_pit + 0.6F * at_cuff));
     } else {
-      const float pit = bell(y - 0.16F, 0.06F) * bell(z - 1.35F, 0.08F), waist = bell(z - 1.04F, 0.09F);
+      const float pit = bell(y - 0.16F, 0.06F) * bell(z - 1.35F, 0.08F),
+                  waist = bell(z - 1.04F, 0.09F);
       c *= crease(p, {10.0F, 9.0F, 20.0F}, k * (0.55F + 0.55F * waist));
-      c *= crease({p.y * 1.0F + (p.y > 0.0F ? p.z : -p.z) * 0.8F, p.x, p.z}, {22.0F, 7.0F, 9.0F}, k * 0.9F * pit);
+      c *= crease({p.y * 1.0F + (p.y > 0.0F ? p.z : -p.z) * 0.8F, p.x, p.z}, {22.0F, 7.0F, 9.0F},
+                  k * 0.9F * pit);
       // a shade between the breasts and along the spine
-      if (front) c *= 1.0F - (f_.feminine ? 0.10F : 0.05F) * bell(y, 0.03F) * bell(z - 1.30F, 0.07F);
-      if (front) c *= 1.0F - (f_.feminine ? 0.12F : 0.04F) * bell(z - 1.225F, 0.018F) * bell(y - 0.07F, 0.06F);
+      if (front)
+        c *= 1.0F - (f_.feminine ? 0.10F : 0.05F) * bell(y, 0.03F) * bell(z - 1.30F, 0.07F);
+      if (front)
+        c *= 1.0F -
+             (f_.feminine ? 0.12F : 0.04F) * bell(z - 1.225F, 0.018F) * bell(y - 0.07F, 0.06F);
       if (!front) c *= 1.0F - 0.07F * bell(y, 0.014F);
     }
     // seams: shoulder, sleeve, side, hem
@@ -451,24 +547,31 @@ class Painter {
       c *= 1.0F + 0.5F * strength * band(distance - 0.003F, 0.0010F, 0.0010F);
     };
     const auto stitch = [&](float distance, float along) {
-      c *= 1.0F - 0.22F * band(distance, 0.0008F, 0.0006F) * smooth_step(-0.2F, 0.2F, std::sin(along * 1100.0F));
+      c *= 1.0F - 0.22F * band(distance, 0.0008F, 0.0006F) *
+                      smooth_step(-0.2F, 0.2F, std::sin(along * 1100.0F));
     };
     if (arm) {
       seam(a - 0.012F, 0.22F);
       if (f_.sleeve_m > 0.05F) {
         stitch(a - f_.sleeve_m + 0.022F, p.x + y);
-        if (f_.top == TopStyle::kShirt || f_.top == TopStyle::kJacket || f_.top == TopStyle::kHoodie) {
+        if (f_.top == TopStyle::kShirt || f_.top == TopStyle::kJacket ||
+            f_.top == TopStyle::kHoodie) {
           seam(a - f_.sleeve_m + 0.05F, 0.25F);
-          if (f_.top == TopStyle::kHoodie && a > f_.sleeve_m - 0.05F) c *= 0.90F + 0.07F * std::sin(p.x * 1400.0F);
+          if (f_.top == TopStyle::kHoodie && a > f_.sleeve_m - 0.05F)
+            c *= 0.90F + 0.07F * std::sin(p.x * 1400.0F);
         }
-        if (f_.top == TopStyle::kSport) c = glm::mix(c, f_.color.accent, 0.85F * band(p.x - 0.01F, 0.012F, 0.001F) * smooth_step(0.2F, 0.5F, t.n.z + std::abs(t.n.y)));
+        if (f_.top == TopStyle::kSport)
+          c = glm::mix(c, f_.color.accent,
+                       0.85F * band(p.x - 0.01F, 0.012F, 0.001F) *
+                           smooth_step(0.2F, 0.5F, t.n.z + std::abs(t.n.y)));
       }
     } else {
       seam(p.x + 0.004F - 0.02F * smooth_step(1.3F, 1.0F, z), z < 1.34F ? 0.14F : 0.0F);
       if (f_.hem_z < 1.0F) stitch(z - f_.hem_z - 0.020F, around * 8.0F);
       const float r = std::hypot((p.x + 0.012F) / 0.062F, p.y / 0.069F);
       if (f_.collar == CollarStyle::kCrew && z > 1.43F) {
-        c *= 1.0F - 0.10F * smooth_step(1.30F, 1.26F, r) + 0.05F * smooth_step(1.30F, 1.26F, r) * std::sin(std::atan2(p.y, p.x) * 90.0F);
+        c *= 1.0F - 0.10F * smooth_step(1.30F, 1.26F, r) +
+             0.05F * smooth_step(1.30F, 1.26F, r) * std::sin(std::atan2(p.y, p.x) * 90.0F);
         c *= 1.0F - 0.25F * band(r - 1.29F, 0.018F, 0.014F);
       }
     }
@@ -487,27 +590,33 @@ class Painter {
     const auto button = [&](float cy, float cz, float radius, const glm::vec3& color) {
       const float r = std::hypot(p.y - cy, z - cz);
       c *= 1.0F - 0.35F * band(r - radius, 0.0015F, 0.0012F);
-      cover(color * (1.0F - 0.4F * band(r - radius * 0.75F, 0.0007F, 0.0006F)), band(r, radius, 0.0007F));
+      cover(color * (1.0F - 0.4F * band(r - radius * 0.75F, 0.0007F, 0.0006F)),
+            band(r, radius, 0.0007F));
     };
     const auto pocket = [&](float cy, float cz, float half_y, float half_z, float strength) {
       const float d = std::max(std::abs(p.y - cy) - half_y, std::abs(z - cz) - half_z);
       c *= 1.0F - strength * band(d, 0.0013F, 0.0010F);
       c *= 1.0F + 0.04F * smooth_step(0.001F, -0.001F, d);
-      c *= 1.0F - strength * 0.8F * band(z - cz - half_z + 0.016F, 0.0010F, 0.0008F) * smooth_step(0.0F, -0.002F, d);
+      c *= 1.0F - strength * 0.8F * band(z - cz - half_z + 0.016F, 0.0010F, 0.0008F) *
+                      smooth_step(0.0F, -0.002F, d);
     };
     const bool bag_strap = strap(t, c, tint, front, arm);
     if (bag_strap) return;
     switch (f_.top) {
       case TopStyle::kTee:
-      case TopStyle::kKnit: break;
+      case TopStyle::kKnit:
+        break;
       case TopStyle::kSport:
-        if (!arm) cover(f_.color.accent, 0.9F * smooth_step(0.115F, 0.122F, y) * smooth_step(1.36F, 1.30F, z));
+        if (!arm)
+          cover(f_.color.accent,
+                0.9F * smooth_step(0.115F, 0.122F, y) * smooth_step(1.36F, 1.30F, z));
         break;
       case TopStyle::kShirt:
         if (front) {
           const float placket = band(y, 0.015F, 0.0005F);
           c *= 1.0F - 0.16F * band(y - 0.015F, 0.0010F, 0.0008F) - 0.02F * placket;
-          for (int i = 0; i < 7; ++i) button(0.0F, 1.440F - 0.075F * static_cast<float>(i), 0.0048F, f_.color.under * 0.95F);
+          for (int i = 0; i < 7; ++i)
+            button(0.0F, 1.440F - 0.075F * static_cast<float>(i), 0.0048F, f_.color.under * 0.95F);
           pocket(0.075F, 1.275F, 0.034F, 0.040F, 0.20F);
         }
         if (!arm && z > 1.470F) c *= 1.0F - 0.10F * band(z - 1.484F, 0.0012F, 0.001F);
@@ -515,17 +624,21 @@ class Painter {
       case TopStyle::kJacket:
         if (front) {
           // worn open over a shirt
-          const float open = 0.018F + 0.030F * smooth_step(1.20F, 1.46F, z) + 0.018F * smooth_step(1.05F, 0.86F, z);
+          const float open = 0.018F + 0.030F * smooth_step(1.20F, 1.46F, z) +
+                             0.018F * smooth_step(1.05F, 0.86F, z);
           const float edge = y - open;
           const float inside = smooth_step(0.0008F, -0.0008F, edge);
           c *= 1.0F - 0.30F * band(edge - 0.0015F, 0.0012F, 0.001F);
-          cover(glm::vec3{0.62F, 0.61F, 0.58F}, 0.8F * band(edge - 0.005F, 0.0014F, 0.0006F) * smooth_step(-0.2F, 0.2F, std::sin(z * 1800.0F)));
+          cover(glm::vec3{0.62F, 0.61F, 0.58F},
+                0.8F * band(edge - 0.005F, 0.0014F, 0.0006F) *
+                    smooth_step(-0.2F, 0.2F, std::sin(z * 1800.0F)));
           glm::vec3 shirt = f_.color.under * crease(p, {10.0F, 12.0F, 26.0F}, 0.35F);
           shirt *= 1.0F - 0.45F * smooth_step(-0.014F, 0.0F, edge);
           cover(shirt, inside);
           const float slant = (z - 1.06F) - (y - 0.085F) * 1.6F;
           if (inside < 0.5F) {
-            c *= 1.0F - 0.35F * band(y - 0.095F - (z - 1.03F) * 0.35F, 0.0016F, 0.001F) * band(z - 1.03F, 0.075F, 0.004F);
+            c *= 1.0F - 0.35F * band(y - 0.095F - (z - 1.03F) * 0.35F, 0.0016F, 0.001F) *
+                            band(z - 1.03F, 0.075F, 0.004F);
             c *= 1.0F - 0.14F * band(slant - 0.25F, 0.002F, 0.001F);
             pocket(p.y > 0 ? 0.085F : -0.085F, 1.285F, 0.036F, 0.036F, 0.15F);
           }
@@ -540,8 +653,10 @@ class Painter {
           const float edge = y - v;
           const float inside = smooth_step(0.0006F, -0.0006F, edge);
           // lapels
-          const float lapel = v + 0.016F + 0.055F * smooth_step(low, 1.36F, z) - 0.05F * smooth_step(1.375F, 1.43F, z);
-          const float notch = band(z - 1.385F - (y - v) * 0.35F, 0.0015F, 0.001F) * smooth_step(v + 0.012F, v + 0.02F, y);
+          const float lapel = v + 0.016F + 0.055F * smooth_step(low, 1.36F, z) -
+                              0.05F * smooth_step(1.375F, 1.43F, z);
+          const float notch = band(z - 1.385F - (y - v) * 0.35F, 0.0015F, 0.001F) *
+                              smooth_step(v + 0.012F, v + 0.02F, y);
           if (z < 1.47F) {
             c *= 1.0F + 0.05F * smooth_step(lapel, lapel - 0.001F, y);
             c *= 1.0F - 0.32F * band(y - lapel, 0.0014F, 0.0012F);
@@ -552,8 +667,10 @@ class Painter {
           shirt *= 1.0F - 0.35F * smooth_step(-0.012F, 0.0F, edge);
           cover(shirt, inside);
           if (f_.top == TopStyle::kSuit && !f_.feminine) {
-            const float tie_half = 0.010F + 0.020F * smooth_step(1.46F, 1.20F, z) + 0.004F * bell(z - 1.455F, 0.010F);
-            glm::vec3 tie = f_.color.accent * (0.9F + 0.2F * smooth_step(-0.1F, 0.1F, std::sin((z + p.y) * 330.0F)));
+            const float tie_half =
+                0.010F + 0.020F * smooth_step(1.46F, 1.20F, z) + 0.004F * bell(z - 1.455F, 0.010F);
+            glm::vec3 tie = f_.color.accent *
+                            (0.9F + 0.2F * smooth_step(-0.1F, 0.1F, std::sin((z + p.y) * 330.0F)));
             tie *= 1.0F - 0.3F * band(z - 1.440F, 0.0015F, 0.001F);
             const float on = smooth_step(tie_half + 0.0006F, tie_half - 0.0006F, y) * inside;
             cover(tie, on);
@@ -568,7 +685,9 @@ class Painter {
             button(0.0F, 1.105F, 0.0070F, horn);
             button(0.0F, 1.020F, 0.0070F, horn);
             pocket(p.y > 0 ? 0.09F : -0.09F, 0.985F, 0.045F, 0.020F, 0.25F);
-            cover(f_.color.under * 0.97F, band(p.y - 0.088F, 0.020F, 0.0006F) * band(z - 1.292F - 0.06F * (p.y - 0.088F), 0.0055F, 0.0008F));
+            cover(f_.color.under * 0.97F,
+                  band(p.y - 0.088F, 0.020F, 0.0006F) *
+                      band(z - 1.292F - 0.06F * (p.y - 0.088F), 0.0055F, 0.0008F));
           } else {
             for (int i = 0; i < 4; ++i) {
               button(0.040F, 1.17F - 0.10F * static_cast<float>(i), 0.0090F, horn);
@@ -580,7 +699,8 @@ class Painter {
         if (f_.belt && !arm) belt(t, c, tint, 1.065F, 0.020F);
         if (arm && a > f_.sleeve_m - 0.07F && t.n.x < 0.1F) {
           for (int i = 0; i < 3; ++i) {
-            const float r = std::hypot(a - f_.sleeve_m + 0.022F + 0.016F * static_cast<float>(i), p.x + 0.012F - (a - land_.elbow_m) * 0.13F + 0.006F);
+            const float r = std::hypot(a - f_.sleeve_m + 0.022F + 0.016F * static_cast<float>(i),
+                                       p.x + 0.012F - (a - land_.elbow_m) * 0.13F + 0.006F);
             cover(f_.color.top * 0.3F, band(r, 0.0045F, 0.0008F));
           }
         }
@@ -593,11 +713,16 @@ class Painter {
           c *= 1.0F - 0.28F * band(d, 0.0016F, 0.0012F);
           c *= 1.0F + 0.03F * smooth_step(0.0F, -0.003F, d);
           // cords
-          const float cord = std::max(band(y - 0.030F + 0.10F * (1.46F - z) * 0.2F, 0.0032F, 0.0008F) * smooth_step(1.315F, 1.318F, z) * smooth_step(1.475F, 1.47F, z), 0.0F);
+          const float cord =
+              std::max(band(y - 0.030F + 0.10F * (1.46F - z) * 0.2F, 0.0032F, 0.0008F) *
+                           smooth_step(1.315F, 1.318F, z) * smooth_step(1.475F, 1.47F, z),
+                       0.0F);
           cover(f_.color.under * (0.85F + 0.15F * std::sin(z * 1500.0F)), cord);
-          c *= 1.0F - 0.2F * band(y - 0.0355F + 0.02F * (1.46F - z), 0.002F, 0.001F) * smooth_step(1.315F, 1.32F, z) * smooth_step(1.475F, 1.47F, z);
+          c *= 1.0F - 0.2F * band(y - 0.0355F + 0.02F * (1.46F - z), 0.002F, 0.001F) *
+                          smooth_step(1.315F, 1.32F, z) * smooth_step(1.475F, 1.47F, z);
         }
-        if (!arm && z < f_.hem_z + 0.055F) c *= 0.88F + 0.06F * std::sin(std::atan2(p.y, p.x) * 150.0F);
+        if (!arm && z < f_.hem_z + 0.055F)
+          c *= 0.88F + 0.06F * std::sin(std::atan2(p.y, p.x) * 150.0F);
         break;
       case TopStyle::kDress:
         if (!arm) belt(t, c, tint, 1.062F, f_.belt ? 0.016F : 0.0F);
@@ -620,7 +745,9 @@ class Painter {
         if (z > 1.15F) tape(y - 0.098F + 0.16F * std::max(0.0F, z - 1.36F));
         if (front) {
           c *= 1.0F - 0.45F * band(p.y, 0.0022F, 0.001F);
-          c = glm::mix(c, glm::vec3{0.18F}, 0.8F * band(p.y, 0.0014F, 0.0006F) * smooth_step(-0.2F, 0.2F, std::sin(z * 1500.0F)));
+          c = glm::mix(
+              c, glm::vec3{0.18F},
+              0.8F * band(p.y, 0.0014F, 0.0006F) * smooth_step(-0.2F, 0.2F, std::sin(z * 1500.0F)));
           // the neck opening shows the shirt
           const float v = std::max(0.0F, z - 1.36F) * 0.52F;
           const float inside = smooth_step(0.001F, -0.001F, y - v) * smooth_step(1.36F, 1.37F, z);
@@ -641,7 +768,8 @@ class Painter {
       c = glm::mix(c, skin.color * (1.0F - 0.25F * smooth_step(line + 0.010F, line, z)), bare);
       tint = glm::mix(tint, skin.tint, bare);
     }
-    if (f_.belt && f_.hem_z > 1.0F && f_.top != TopStyle::kDress && !arm) belt(t, c, tint, 1.040F, 0.012F);
+    if (f_.belt && f_.hem_z > 1.0F && f_.top != TopStyle::kDress && !arm)
+      belt(t, c, tint, 1.040F, 0.012F);
   }
 
   void belt(const Texel& t, glm::vec3& c, glm::vec4& tint, float height, float half) const {
@@ -652,7 +780,8 @@ class Painter {
     leather *= 1.0F - 0.3F * band(std::abs(d) - half * 0.8F, 0.0008F, 0.0006F);
     if (t.n.x > 0.3F) {
       const float r = std::max(std::abs(t.p.y) - 0.017F, std::abs(d) - half * 0.95F);
-      leather = glm::mix(leather, glm::vec3{0.72F, 0.68F, 0.55F}, band(r + 0.002F, 0.0028F, 0.0006F));
+      leather =
+          glm::mix(leather, glm::vec3{0.72F, 0.68F, 0.55F}, band(r + 0.002F, 0.0028F, 0.0006F));
     }
     c *= 1.0F - 0.3F * band(std::abs(d) - half - 0.002F, 0.002F, 0.0016F);
     c = glm::mix(c, leather, on);
@@ -666,8 +795,10 @@ class Painter {
     const float y = std::abs(p.y), z = p.z;
     float d = 1.0F, half = 0.018F;
     if (f_.bag == BagStyle::kBackpack) {
-      const float centre = 0.098F - 0.10F * std::max(0.0F, z - 1.38F) + 0.035F * smooth_step(1.30F, 1.12F, z);
-      if (front && z > 1.13F) d = y - centre;
+      // down the chest, then under the arm
+      const float turn = std::max(0.0F, 1.27F - z);
+      const float centre = 0.098F - 0.10F * std::max(0.0F, z - 1.38F) + 5.0F * turn * turn;
+      if (front && z > 1.10F) d = (y - centre) / std::sqrt(1.0F + 100.0F * turn * turn);
       if (!front && z > 1.40F) d = y - centre;
       half = 0.020F;
     } else if (f_.bag == BagStyle::kMessenger) {
@@ -698,7 +829,8 @@ class Painter {
     glm::vec3 c = f_.color.bottom;
     const bool leg = t.part == Part::kLegLeft || t.part == Part::kLegRight;
     const float side = t.part == Part::kLegRight || (!leg && p.y < 0.0F) ? -1.0F : 1.0F;
-    const float s = std::clamp((z - land_.ankle.z) / (land_.hip_joint.z - land_.ankle.z), 0.0F, 1.0F);
+    const float s =
+        std::clamp((z - land_.ankle.z) / (land_.hip_joint.z - land_.ankle.z), 0.0F, 1.0F);
     const float axis_y = glm::mix(land_.ankle.y, land_.hip_joint.y, s);
     const glm::vec2 r{p.x - glm::mix(land_.ankle.x, land_.hip_joint.x, s), p.y * side - axis_y};
     const float phi = std::atan2(r.y, r.x);  // 0 front, pi/2 outside
@@ -712,8 +844,10 @@ class Painter {
       c *= weave(p, 520.0F);
       if (t.part == Part::kSkirt || !leg) {
         const float depth = smooth_step(1.0F, f_.skirt_z, z);
-        const float ripple = noise({azimuth * 5.5F, z * 1.2F, 2.0F}) - noise({azimuth * 5.5F + 0.5F, z * 1.2F, 2.0F});
-        const float fine = noise({azimuth * 13.0F, z * 2.0F, 5.0F}) - noise({azimuth * 13.0F + 0.5F, z * 2.0F, 5.0F});
+        const float ripple = noise({azimuth * 5.5F, z * 1.2F, 2.0F}) -
+                             noise({azimuth * 5.5F + 0.5F, z * 1.2F, 2.0F});
+        const float fine = noise({azimuth * 13.0F, z * 2.0F, 5.0F}) -
+                           noise({azimuth * 13.0F + 0.5F, z * 2.0F, 5.0F});
         c *= 1.0F + depth * (0.26F * ripple + 0.14F * fine) * f_.skirt_flare;
         c *= 1.0F - 0.20F * band(z - f_.skirt_z - 0.016F, 0.0010F, 0.0010F);
         if (f_.top == TopStyle::kDress) c = pattern(t, c, z, azimuth * 0.17F);
@@ -729,17 +863,23 @@ class Painter {
       out.color = c;
       return out;
     }
-    const float knee = bell(z - 0.50F, 0.09F), ankle = bell(z - 0.10F, 0.07F), crotch = bell(z - 0.83F, 0.07F);
-    const float soft = f_.bottom == BottomStyle::kLeggings ? 0.4F : f_.bottom == BottomStyle::kTrousers ? 0.7F : 1.0F;
-    c *= crease({p.x, p.y, z}, {13.0F, 13.0F, 30.0F}, 0.34F * soft * (0.30F + 0.8F * knee + 1.0F * ankle + 0.5F * crotch));
+    const float knee = bell(z - 0.50F, 0.09F), ankle = bell(z - 0.10F, 0.07F),
+                crotch = bell(z - 0.83F, 0.07F);
+    const float soft = f_.bottom == BottomStyle::kLeggings   ? 0.4F
+                       : f_.bottom == BottomStyle::kTrousers ? 0.7F
+                                                             : 1.0F;
+    c *= crease({p.x, p.y, z}, {13.0F, 13.0F, 30.0F},
+                0.34F * soft * (0.30F + 0.8F * knee + 1.0F * ankle + 0.5F * crotch));
     // creases run from the crotch to the hips
-    c *= crease({z - std::abs(p.y) * 0.8F, p.x, p.y}, {36.0F, 6.0F, 6.0F}, 0.36F * soft * crotch * smooth_step(-0.2F, 0.5F, std::abs(t.n.x)));
+    c *= crease({z - std::abs(p.y) * 0.8F, p.x, p.y}, {36.0F, 6.0F, 6.0F},
+                0.36F * soft * crotch * smooth_step(-0.2F, 0.5F, std::abs(t.n.x)));
     if (f_.bottom == BottomStyle::kJeans || f_.bottom == BottomStyle::kShorts) {
       const float twill = noise({(p.x + z) * 700.0F, (p.y + z) * 700.0F, 1.0F});
       c *= 0.95F + 0.10F * twill;
       if (f_.bottom == BottomStyle::kJeans) {
         // worn thighs and knees
-        const float fade = (bell(z - 0.66F, 0.13F) + 0.6F * bell(z - 0.49F, 0.06F)) * smooth_step(0.2F, 0.9F, t.n.x);
+        const float fade = (bell(z - 0.66F, 0.13F) + 0.6F * bell(z - 0.49F, 0.06F)) *
+                           smooth_step(0.2F, 0.9F, t.n.x);
         c *= 1.0F + 0.16F * fade;
         c *= 1.0F - 0.14F * smooth_step(0.6F, 0.1F, std::abs(t.n.x)) * (leg ? 1.0F : 0.3F);
       }
@@ -754,14 +894,18 @@ class Painter {
       line(0.5F * kPi, 0.18F);
     } else {
       c *= weave(p, 420.0F);
-      c = glm::mix(c, f_.color.accent, (f_.top == TopStyle::kSport ? 0.8F : 0.0F) * band(std::remainder(phi - 0.5F * kPi, 2.0F * kPi) * 0.06F, 0.007F, 0.001F));
+      c = glm::mix(c, f_.color.accent,
+                   (f_.top == TopStyle::kSport ? 0.8F : 0.0F) *
+                       band(std::remainder(phi - 0.5F * kPi, 2.0F * kPi) * 0.06F, 0.007F, 0.001F));
     }
     c *= 1.0F - 0.18F * band(z - f_.trouser_z - 0.020F, 0.0010F, 0.0010F) * (leg ? 1.0F : 0.0F);
     // pockets, fly, waistband
     if (!leg && z > 0.85F) {
       const float y = std::abs(p.y);
       if (t.n.x > 0.1F) {
-        c *= 1.0F - 0.30F * band(std::hypot(y - 0.165F, (z - 1.03F) * 0.8F) - 0.075F, 0.0016F, 0.001F) * smooth_step(1.02F, 1.0F, z);
+        c *= 1.0F - 0.30F *
+                        band(std::hypot(y - 0.165F, (z - 1.03F) * 0.8F) - 0.075F, 0.0016F, 0.001F) *
+                        smooth_step(1.02F, 1.0F, z);
         c *= 1.0F - 0.25F * band(p.y - 0.004F, 0.0014F, 0.001F) * smooth_step(0.86F, 0.87F, z);
         c *= 1.0F - 0.14F * band(p.y - 0.022F, 0.0009F, 0.0007F) * smooth_step(0.905F, 0.91F, z);
       } else if (t.n.x < -0.1F && f_.bottom != BottomStyle::kLeggings) {
@@ -777,8 +921,12 @@ class Painter {
   }
 
   glm::vec3 sock(const Texel& t) const {
-    glm::vec3 c = f_.shoe == ShoeStyle::kFlat && f_.bottom == BottomStyle::kSkirt ? f_.color.skin : f_.shoe == ShoeStyle::kLeather ? glm::vec3{0.16F, 0.16F, 0.19F} : glm::vec3{0.80F, 0.80F, 0.79F};
-    return c * (0.93F + 0.09F * std::sin(std::atan2(std::abs(t.p.y) - land_.ankle.y, t.p.x - land_.ankle.x) * 40.0F));
+    glm::vec3 c = f_.shoe == ShoeStyle::kFlat && f_.bottom == BottomStyle::kSkirt ? f_.color.skin
+                  : f_.shoe == ShoeStyle::kLeather ? glm::vec3{0.16F, 0.16F, 0.19F}
+                                                   : glm::vec3{0.80F, 0.80F, 0.79F};
+    return c * (0.93F + 0.09F * std::sin(std::atan2(std::abs(t.p.y) - land_.ankle.y,
+                                                    t.p.x - land_.ankle.x) *
+                                         40.0F));
   }
 
   glm::vec3 shoe(const Texel& t) const {
@@ -786,20 +934,25 @@ class Painter {
     const float y = std::abs(p.y) - land_.ankle.y - 0.008F * smooth_step(0.0F, 0.18F, p.x);
     const float z = p.z;
     glm::vec3 c = f_.color.shoe * (0.94F + 0.12F * noise(p * 160.0F));
-    const float welt = f_.shoe == ShoeStyle::kSneaker ? 0.024F : f_.shoe == ShoeStyle::kBoot ? 0.022F : 0.013F;
+    const float welt = f_.shoe == ShoeStyle::kSneaker ? 0.024F
+                       : f_.shoe == ShoeStyle::kBoot  ? 0.022F
+                                                      : 0.013F;
     const bool on_sole = z < welt || t.region == Region::kSole;
     const bool top_side = t.n.z > 0.15F;
     if (on_sole) {
       c = f_.color.sole * (0.95F + 0.08F * noise(p * 200.0F));
-      if (t.n.z < -0.6F) c *= 0.62F - 0.12F * smooth_step(-0.2F, 0.2F, std::sin(p.x * 420.0F));
-      else c *= 1.0F - 0.22F * band(z - welt * 0.55F, 0.0011F, 0.0008F);
+      if (t.n.z < -0.6F)
+        c *= 0.62F - 0.12F * smooth_step(-0.2F, 0.2F, std::sin(p.x * 420.0F));
+      else
+        c *= 1.0F - 0.22F * band(z - welt * 0.55F, 0.0011F, 0.0008F);
       return c;
     }
     c *= 1.0F - 0.40F * band(z - welt - 0.001F, 0.0016F, 0.0012F);
     switch (f_.shoe) {
       case ShoeStyle::kSneaker: {
         // tongue and laces
-        const float lace_zone = smooth_step(0.045F, 0.052F, p.x) * smooth_step(0.138F, 0.130F, p.x) * (top_side ? 1.0F : 0.0F);
+        const float lace_zone = smooth_step(0.045F, 0.052F, p.x) *
+                                smooth_step(0.138F, 0.130F, p.x) * (top_side ? 1.0F : 0.0F);
         const float half = 0.020F;
         c *= 1.0F - 0.35F * band(std::abs(y) - half, 0.0014F, 0.0010F) * lace_zone;
         const float in = smooth_step(half, half - 0.001F, std::abs(y)) * lace_zone;
@@ -807,25 +960,34 @@ class Painter {
         const float stripe = std::remainder(p.x + 0.25F * std::abs(y), 0.0165F);
         c = glm::mix(c, f_.color.sole, 0.95F * in * band(stripe, 0.0036F, 0.0008F));
         // side mark, toe cap, heel tab
-        c = glm::mix(c, f_.color.accent, 0.85F * band(p.x - 0.045F - (z - 0.045F) * 0.9F, 0.009F, 0.001F) * smooth_step(0.070F, 0.066F, z) * smooth_step(0.5F, 0.7F, std::abs(t.n.y)));
+        c = glm::mix(c, f_.color.accent,
+                     0.85F * band(p.x - 0.045F - (z - 0.045F) * 0.9F, 0.009F, 0.001F) *
+                         smooth_step(0.070F, 0.066F, z) * smooth_step(0.5F, 0.7F, std::abs(t.n.y)));
         c *= 1.0F - 0.30F * band(p.x - 0.148F - y * y * 8.0F, 0.0014F, 0.001F);
-        c = glm::mix(c, f_.color.sole * 0.9F, 0.5F * smooth_step(0.150F, 0.152F, p.x - y * y * 8.0F) * smooth_step(0.040F, 0.036F, z));
+        c = glm::mix(c, f_.color.sole * 0.9F,
+                     0.5F * smooth_step(0.150F, 0.152F, p.x - y * y * 8.0F) *
+                         smooth_step(0.040F, 0.036F, z));
         c = glm::mix(c, f_.color.accent, 0.7F * smooth_step(-0.072F, -0.076F, p.x));
         break;
       }
       case ShoeStyle::kLeather: {
         c *= 1.0F + 0.35F * bell(p.x - 0.165F, 0.020F) * smooth_step(0.3F, 0.9F, t.n.z);
         c *= 1.0F - 0.35F * band(p.x - 0.138F - y * y * 4.0F, 0.0014F, 0.001F);
-        const float lace_zone = smooth_step(0.070F, 0.074F, p.x) * smooth_step(0.126F, 0.122F, p.x) * (top_side ? 1.0F : 0.0F);
+        const float lace_zone = smooth_step(0.070F, 0.074F, p.x) *
+                                smooth_step(0.126F, 0.122F, p.x) * (top_side ? 1.0F : 0.0F);
         c *= 1.0F - 0.35F * band(std::abs(y) - 0.012F, 0.0012F, 0.001F) * lace_zone;
-        c = glm::mix(c, f_.color.shoe * 0.4F, 0.9F * lace_zone * smooth_step(0.012F, 0.011F, std::abs(y)) * band(std::remainder(p.x, 0.013F), 0.0022F, 0.0008F));
+        c = glm::mix(c, f_.color.shoe * 0.4F,
+                     0.9F * lace_zone * smooth_step(0.012F, 0.011F, std::abs(y)) *
+                         band(std::remainder(p.x, 0.013F), 0.0022F, 0.0008F));
         break;
       }
       case ShoeStyle::kBoot: {
-        const float lace_zone = smooth_step(0.02F, 0.03F, p.x) * smooth_step(0.132F, 0.126F, p.x) * smooth_step(0.3F, 0.5F, std::max(t.n.z, t.n.x));
+        const float lace_zone = smooth_step(0.02F, 0.03F, p.x) * smooth_step(0.132F, 0.126F, p.x) *
+                                smooth_step(0.3F, 0.5F, std::max(t.n.z, t.n.x));
         const float in = smooth_step(0.016F, 0.015F, std::abs(y)) * lace_zone;
         c = glm::mix(c, f_.color.shoe * 0.6F, 0.7F * in);
-        c = glm::mix(c, glm::vec3{0.55F, 0.45F, 0.30F}, 0.9F * in * band(std::remainder(p.x * 0.6F - z, 0.018F), 0.0026F, 0.0008F));
+        c = glm::mix(c, glm::vec3{0.55F, 0.45F, 0.30F},
+                     0.9F * in * band(std::remainder(p.x * 0.6F - z, 0.018F), 0.0026F, 0.0008F));
         c *= 1.0F - 0.3F * band(p.x - 0.145F - y * y * 6.0F, 0.0016F, 0.001F);
         c *= 1.0F - 0.3F * band(z - 0.112F, 0.0016F, 0.001F);
         break;
@@ -833,12 +995,15 @@ class Painter {
       case ShoeStyle::kFlat: {
         // cut low: the instep is bare
         const float opening = std::hypot((p.x - 0.045F) / 0.078F, y / 0.036F);
-        const float bare = smooth_step(1.02F, 0.98F, opening) * (t.n.z > -0.1F ? 1.0F : 0.0F) * smooth_step(0.035F, 0.040F, z);
+        const float bare = smooth_step(1.02F, 0.98F, opening) * (t.n.z > -0.1F ? 1.0F : 0.0F) *
+                           smooth_step(0.035F, 0.040F, z);
         const float ankle = smooth_step(0.064F, 0.067F, z + std::max(0.0F, -p.x - 0.02F) * 0.15F);
         const float open = std::max(bare, ankle);
         c *= 1.0F - 0.3F * band(opening - 1.03F, 0.03F, 0.02F);
         c = glm::mix(c, f_.color.skin * (0.92F + 0.05F * noise(p * 120.0F)), open);
-        c = glm::mix(c, f_.color.accent, (1.0F - open) * 0.9F * band(std::hypot(p.x - 0.140F, y), 0.009F, 0.001F) * (t.n.z > 0.2F ? 1.0F : 0.0F));
+        c = glm::mix(c, f_.color.accent,
+                     (1.0F - open) * 0.9F * band(std::hypot(p.x - 0.140F, y), 0.009F, 0.001F) *
+                         (t.n.z > 0.2F ? 1.0F : 0.0F));
         break;
       }
     }
@@ -850,24 +1015,36 @@ class Painter {
     glm::vec3 c = f_.color.hat;
     const float azimuth = std::atan2(p.y, p.x + 0.004F);
     switch (f_.hat) {
-      case HatStyle::kNone: break;
-      case HatStyle::kHeadscarf: c = headscarf(t); break;
+      case HatStyle::kNone:
+        break;
+      case HatStyle::kHeadscarf:
+        c = headscarf(t);
+        break;
       case HatStyle::kCap:
         c *= weave(p, 500.0F);
-        if (p.z > 1.70F) c *= 1.0F - 0.25F * band(std::remainder(azimuth, kPi / 3.0F) * 0.08F, 0.0012F, 0.001F);
-        c = glm::mix(c, f_.color.accent, 0.9F * band(std::hypot(p.y, p.z - 1.742F), 0.020F, 0.001F) * (t.n.x > 0.3F ? 1.0F : 0.0F));
-        c *= 1.0F - 0.5F * band(std::hypot(p.x + 0.002F, p.y), 0.006F, 0.001F) * smooth_step(1.78F, 1.79F, p.z);
-        if (t.region == Region::kHat) c *= 1.0F - 0.12F * smooth_step(0.2F, 0.6F, std::sin((p.x + 0.3F * std::abs(p.y)) * 500.0F));
+        if (p.z > 1.70F)
+          c *= 1.0F - 0.25F * band(std::remainder(azimuth, kPi / 3.0F) * 0.08F, 0.0012F, 0.001F);
+        c = glm::mix(c, f_.color.accent,
+                     0.9F * band(std::hypot(p.y, p.z - 1.742F), 0.020F, 0.001F) *
+                         (t.n.x > 0.3F ? 1.0F : 0.0F));
+        c *= 1.0F - 0.5F * band(std::hypot(p.x + 0.002F, p.y), 0.006F, 0.001F) *
+                        smooth_step(1.78F, 1.79F, p.z);
+        if (t.region == Region::kHat)
+          c *= 1.0F -
+               0.12F * smooth_step(0.2F, 0.6F, std::sin((p.x + 0.3F * std::abs(p.y)) * 500.0F));
         break;
       case HatStyle::kBeanie:
-        c *= 0.86F + 0.16F * std::abs(std::sin(azimuth * 34.0F)) + 0.08F * (noise(p * 300.0F) - 0.5F);
+        c *= 0.86F + 0.16F * std::abs(std::sin(azimuth * 34.0F)) +
+             0.08F * (noise(p * 300.0F) - 0.5F);
         c *= 1.0F - 0.25F * band(p.z - 1.730F - 0.012F * std::cos(azimuth), 0.0022F, 0.0016F);
         c = p.z < 1.730F + 0.012F * std::cos(azimuth) ? c * 0.94F : c;
         break;
       case HatStyle::kHelmet:
         c *= 1.0F + 0.10F * bell(p.y, 0.012F) + 0.06F * bell(std::abs(p.y) - 0.035F, 0.006F);
         c *= 1.0F - 0.14F * band(std::abs(p.y) - 0.020F, 0.002F, 0.0015F);
-        c = glm::mix(c, f_.color.accent, 0.9F * band(std::hypot(p.y, p.z - 1.755F), 0.016F, 0.001F) * (t.n.x > 0.2F ? 1.0F : 0.0F));
+        c = glm::mix(c, f_.color.accent,
+                     0.9F * band(std::hypot(p.y, p.z - 1.755F), 0.016F, 0.001F) *
+                         (t.n.x > 0.2F ? 1.0F : 0.0F));
         break;
       case HatStyle::kFlatCap: {
         const float a = std::sin(p.x * 260.0F), b = std::sin(p.y * 260.0F);
@@ -875,8 +1052,10 @@ class Painter {
         break;
       }
       case HatStyle::kSunHat:
-        c *= 0.90F + 0.10F * std::sin(p.z * 1600.0F) * std::sin(azimuth * 120.0F) + 0.06F * (noise(p * 200.0F) - 0.5F);
-        c = glm::mix(c, f_.color.accent, 0.9F * (t.region == Region::kHat ? 0.0F : band(p.z - 1.722F, 0.013F, 0.001F)));
+        c *= 0.90F + 0.10F * std::sin(p.z * 1600.0F) * std::sin(azimuth * 120.0F) +
+             0.06F * (noise(p * 200.0F) - 0.5F);
+        c = glm::mix(c, f_.color.accent,
+                     0.9F * (t.region == Region::kHat ? 0.0F : band(p.z - 1.722F, 0.013F, 0.001F)));
         break;
     }
     return c;
@@ -892,9 +1071,11 @@ class Painter {
   glm::vec3 scarf(const Texel& t) const {
     if (f_.hat == HatStyle::kHeadscarf) return headscarf(t);
     const float azimuth = std::atan2(t.p.y, t.p.x + 0.015F);
-    glm::vec3 c = f_.color.scarf * (0.92F + 0.10F * std::sin(azimuth * 160.0F)) * (0.95F + 0.1F * noise(t.p * 300.0F));
+    glm::vec3 c = f_.color.scarf * (0.92F + 0.10F * std::sin(azimuth * 160.0F)) *
+                  (0.95F + 0.1F * noise(t.p * 300.0F));
     c *= crease({azimuth * 0.1F, t.p.z, t.p.x}, {30.0F, 60.0F, 10.0F}, 0.5F);
-    return c * (1.0F - 0.25F * band(std::remainder(azimuth * 2.0F + t.p.z * 8.0F, 1.3F), 0.12F, 0.04F));
+    return c *
+           (1.0F - 0.25F * band(std::remainder(azimuth * 2.0F + t.p.z * 8.0F, 1.3F), 0.12F, 0.04F));
   }
 
   glm::vec3 bag(const Texel& t) const {
@@ -909,18 +1090,30 @@ class Painter {
       if (t.n.x < -0.5F) {
         const float d = std::max(std::abs(p.y) - 0.072F, std::abs(p.z - 1.165F) - 0.068F);
         seam(d);
-        c = glm::mix(c, glm::vec3{0.62F}, 0.8F * band(p.z - 1.215F, 0.0022F, 0.0008F) * smooth_step(0.066F, 0.064F, std::abs(p.y)));
-        c = glm::mix(c, f_.color.accent, 0.85F * band(std::max(std::abs(p.y) - 0.016F, std::abs(p.z - 1.345F) - 0.012F), 0.001F, 0.001F) );
-        c = glm::mix(c, f_.color.accent, 0.85F * smooth_step(0.0F, -0.001F, std::max(std::abs(p.y) - 0.016F, std::abs(p.z - 1.345F) - 0.012F)));
+        c = glm::mix(c, glm::vec3{0.62F},
+                     0.8F * band(p.z - 1.215F, 0.0022F, 0.0008F) *
+                         smooth_step(0.066F, 0.064F, std::abs(p.y)));
+        c = glm::mix(c, f_.color.accent,
+                     0.85F * band(std::max(std::abs(p.y) - 0.016F, std::abs(p.z - 1.345F) - 0.012F),
+                                  0.001F, 0.001F));
+        c = glm::mix(
+            c, f_.color.accent,
+            0.85F * smooth_step(0.0F, -0.001F,
+                                std::max(std::abs(p.y) - 0.016F, std::abs(p.z - 1.345F) - 0.012F)));
       }
-      c = glm::mix(c, glm::vec3{0.62F}, 0.7F * band(std::abs(p.y) - 0.118F, 0.0018F, 0.0008F) * smooth_step(1.18F, 1.2F, p.z));
+      c = glm::mix(
+          c, glm::vec3{0.62F},
+          0.7F * band(std::abs(p.y) - 0.118F, 0.0018F, 0.0008F) * smooth_step(1.18F, 1.2F, p.z));
     } else {
       // flap with a clasp
       const float flap = f_.bag == BagStyle::kMessenger ? 0.965F : 1.005F;
       c *= p.z > flap ? 1.04F : 0.92F;
       c *= 1.0F - 0.45F * band(p.z - flap + 0.003F, 0.0022F, 0.0016F);
       seam(p.z - 0.875F);
-      c = glm::mix(c, glm::vec3{0.75F, 0.68F, 0.48F}, 0.9F * band(std::max(std::abs(p.x + 0.085F) - 0.010F, std::abs(p.z - flap - 0.006F) - 0.007F), 0.0015F, 0.0012F));
+      c = glm::mix(c, glm::vec3{0.75F, 0.68F, 0.48F},
+                   0.9F * band(std::max(std::abs(p.x + 0.085F) - 0.010F,
+                                        std::abs(p.z - flap - 0.006F) - 0.007F),
+                               0.0015F, 0.0012F));
     }
     return c;
   }
@@ -954,7 +1147,8 @@ class Occluders {
  public:
   Occluders(const Mesh& mesh, const std::vector<glm::vec3>& position) {
     for (const MeshFace& f : mesh.faces) {
-      triangles_.push_back({position[f.corner[0]], position[f.corner[1]] - position[f.corner[0]], position[f.corner[2]] - position[f.corner[0]]});
+      triangles_.push_back({position[f.corner[0]], position[f.corner[1]] - position[f.corner[0]],
+                            position[f.corner[2]] - position[f.corner[0]]});
     }
     order_.resize(triangles_.size());
     for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = static_cast<int>(i);
@@ -972,7 +1166,8 @@ class Occluders {
       const Node& node = nodes_[stack[--top]];
       const glm::vec3 a = (node.low - from) * inverse, b = (node.high - from) * inverse;
       const glm::vec3 near = glm::min(a, b), far = glm::max(a, b);
-      const float enter = std::max({near.x, near.y, near.z, 0.0F}), leave = std::min({far.x, far.y, far.z, best});
+      const float enter = std::max({near.x, near.y, near.z, 0.0F}),
+                  leave = std::min({far.x, far.y, far.z, best});
       if (!(enter <= leave)) continue;
       if (node.count > 0) {
         for (int i = node.first; i < node.first + node.count; ++i) {
@@ -1034,7 +1229,9 @@ class Occluders {
     const glm::vec3 size = high - low;
     const int axis = size.x > size.y && size.x > size.z ? 0 : size.y > size.z ? 1 : 2;
     const int middle = (begin + end) / 2;
-    const auto key = [&](int i) { return triangles_[i].p[axis] + (triangles_[i].e1[axis] + triangles_[i].e2[axis]) / 3.0F; };
+    const auto key = [&](int i) {
+      return triangles_[i].p[axis] + (triangles_[i].e1[axis] + triangles_[i].e2[axis]) / 3.0F;
+    };
     std::nth_element(order_.begin() + begin, order_.begin() + middle, order_.begin() + end,
                      [&](int a, int b) { return key(a) != key(b) ? key(a) < key(b) : a < b; });
     node.first = static_cast<int>(nodes_.size());
@@ -1063,7 +1260,8 @@ void fill_gaps(std::vector<float>& image, std::uint32_t size) {
       for (std::uint32_t x = 0; x < half; ++x) {
         float sum[4] = {0, 0, 0, 0};
         for (std::uint32_t k = 0; k < 4; ++k) {
-          const float* t = &fine[(static_cast<std::size_t>(2 * y + k / 2) * side + 2 * x + k % 2) * 4];
+          const float* t =
+              &fine[(static_cast<std::size_t>(2 * y + k / 2) * side + 2 * x + k % 2) * 4];
           for (int c = 0; c < 3; ++c) sum[c] += t[c] * t[3];
           sum[3] += t[3];
         }
@@ -1095,20 +1293,24 @@ void fill_gaps(std::vector<float>& image, std::uint32_t size) {
 
 }  // namespace
 
-std::vector<float> sky_visibility(const Mesh& mesh, const std::vector<glm::vec3>& position, const std::vector<glm::vec3>& normal) {
+std::vector<float> sky_visibility(const Mesh& mesh, const std::vector<glm::vec3>& position,
+                                  const std::vector<glm::vec3>& normal) {
   const Occluders occluders(mesh, position);
   constexpr int kRays = 32;
   constexpr float kReach = 0.30F;
   std::vector<float> out(position.size());
   for (std::size_t v = 0; v < position.size(); ++v) {
     const glm::vec3 n = normal[v];
-    const glm::vec3 side = glm::normalize(std::abs(n.z) < 0.9F ? glm::cross(n, glm::vec3{0, 0, 1}) : glm::cross(n, glm::vec3{1, 0, 0}));
+    const glm::vec3 side = glm::normalize(std::abs(n.z) < 0.9F ? glm::cross(n, glm::vec3{0, 0, 1})
+                                                               : glm::cross(n, glm::vec3{1, 0, 0}));
     const glm::vec3 up = glm::cross(side, n);
     float sum = 0.0F;
     for (int i = 0; i < kRays; ++i) {
       // cosine-weighted spiral
-      const float r = std::sqrt((static_cast<float>(i) + 0.5F) / kRays), angle = 2.399963F * static_cast<float>(i);
-      const glm::vec3 d = glm::normalize(side * (r * std::cos(angle)) + up * (r * std::sin(angle)) + n * std::sqrt(1.0F - r * r + 1e-4F) + 1e-5F);
+      const float r = std::sqrt((static_cast<float>(i) + 0.5F) / kRays),
+                  angle = 2.399963F * static_cast<float>(i);
+      const glm::vec3 d = glm::normalize(side * (r * std::cos(angle)) + up * (r * std::sin(angle)) +
+                                         n * std::sqrt(1.0F - r * r + 1e-4F) + 1e-5F);
       const float distance = occluders.distance(position[v] + n * 0.003F, d, kReach);
       sum += smooth_step(0.0F, 1.0F, distance / kReach);
     }
@@ -1125,7 +1327,8 @@ std::vector<float> sky_visibility(const Mesh& mesh, const std::vector<glm::vec3>
   return smooth;
 }
 
-void paint(const Figure& figure, const Mesh& mesh, const std::vector<glm::vec3>& normal, const std::vector<float>& sky, const Unwrap& layout,
+void paint(const Figure& figure, const Mesh& mesh, const std::vector<glm::vec3>& normal,
+           const std::vector<float>& sky, const Unwrap& layout,
            simplify::SourceMaterial& material) {
   const Painter painter(figure);
   const std::size_t texels = static_cast<std::size_t>(kTextureSize) * kTextureSize;
@@ -1136,7 +1339,8 @@ void paint(const Figure& figure, const Mesh& mesh, const std::vector<glm::vec3>&
     const MeshFace& face = mesh.faces[f];
     glm::vec2 q[3];
     for (int i = 0; i < 3; ++i) q[i] = layout.uv[layout.corner[f][i]] * size;
-    const float area = (q[1].x - q[0].x) * (q[2].y - q[0].y) - (q[1].y - q[0].y) * (q[2].x - q[0].x);
+    const float area =
+        (q[1].x - q[0].x) * (q[2].y - q[0].y) - (q[1].y - q[0].y) * (q[2].x - q[0].x);
     if (std::abs(area) < 1e-9F) continue;
     Texel t;
     t.region = face.region;
@@ -1155,12 +1359,19 @@ void paint(const Figure& figure, const Mesh& mesh, const std::vector<glm::vec3>&
     for (int i = 0; i < 3; ++i) v[i] = &mesh.vertices[face.corner[i]];
     // texels just outside are painted too, so that filtering stays inside the chart
     constexpr float kSlack = 0.75F;
-    const int x0 = std::max(0, static_cast<int>(std::floor(std::min({q[0].x, q[1].x, q[2].x}) - kSlack)));
-    const int x1 = std::min(static_cast<int>(kTextureSize) - 1, static_cast<int>(std::ceil(std::max({q[0].x, q[1].x, q[2].x}) + kSlack)));
-    const int y0 = std::max(0, static_cast<int>(std::floor(std::min({q[0].y, q[1].y, q[2].y}) - kSlack)));
-    const int y1 = std::min(static_cast<int>(kTextureSize) - 1, static_cast<int>(std::ceil(std::max({q[0].y, q[1].y, q[2].y}) + kSlack)));
+    const int x0 =
+        std::max(0, static_cast<int>(std::floor(std::min({q[0].x, q[1].x, q[2].x}) - kSlack)));
+    const int x1 =
+        std::min(static_cast<int>(kTextureSize) - 1,
+                 static_cast<int>(std::ceil(std::max({q[0].x, q[1].x, q[2].x}) + kSlack)));
+    const int y0 =
+        std::max(0, static_cast<int>(std::floor(std::min({q[0].y, q[1].y, q[2].y}) - kSlack)));
+    const int y1 =
+        std::min(static_cast<int>(kTextureSize) - 1,
+                 static_cast<int>(std::ceil(std::max({q[0].y, q[1].y, q[2].y}) + kSlack)));
     const float inverse = 1.0F / area;
-    const float margin[3] = {kSlack * glm::length(q[2] - q[1]) * std::abs(inverse), kSlack * glm::length(q[0] - q[2]) * std::abs(inverse),
+    const float margin[3] = {kSlack * glm::length(q[2] - q[1]) * std::abs(inverse),
+                             kSlack * glm::length(q[0] - q[2]) * std::abs(inverse),
                              kSlack * glm::length(q[1] - q[0]) * std::abs(inverse)};
     for (int y = y0; y <= y1; ++y) {
       for (int x = x0; x <= x1; ++x) {
@@ -1171,13 +1382,16 @@ void paint(const Figure& figure, const Mesh& mesh, const std::vector<glm::vec3>&
         w[2] = 1.0F - w[0] - w[1];
         if (w[0] < -margin[0] || w[1] < -margin[1] || w[2] < -margin[2]) continue;
         const bool inside = w[0] >= 0.0F && w[1] >= 0.0F && w[2] >= 0.0F;
-        const std::size_t index = static_cast<std::size_t>(y) * kTextureSize + static_cast<std::size_t>(x);
+        const std::size_t index =
+            static_cast<std::size_t>(y) * kTextureSize + static_cast<std::size_t>(x);
         float* out = &color[index * 4];
         if (!inside && out[3] > 0.0F) continue;
         t.p = v[0]->position * w[0] + v[1]->position * w[1] + v[2]->position * w[2];
-        t.n = normal[face.corner[0]] * w[0] + normal[face.corner[1]] * w[1] + normal[face.corner[2]] * w[2];
+        t.n = normal[face.corner[0]] * w[0] + normal[face.corner[1]] * w[1] +
+              normal[face.corner[2]] * w[2];
         t.n /= std::max(1e-6F, glm::length(t.n));
-        t.sky = sky[face.corner[0]] * w[0] + sky[face.corner[1]] * w[1] + sky[face.corner[2]] * w[2];
+        t.sky =
+            sky[face.corner[0]] * w[0] + sky[face.corner[1]] * w[1] + sky[face.corner[2]] * w[2];
         const Paint result = painter.at(t);
         out[0] = result.color.r;
         out[1] = result.color.g;
@@ -1194,7 +1408,8 @@ void paint(const Figure& figure, const Mesh& mesh, const std::vector<glm::vec3>&
   material.base_color.rgba.resize(texels * 4);
   for (std::size_t i = 0; i < texels; ++i) {
     for (int c = 0; c < 3; ++c) {
-      material.base_color.rgba[i * 4 + c] = static_cast<std::uint8_t>(std::clamp(color[i * 4 + c], 0.0F, 1.0F) * 255.0F + 0.5F);
+      material.base_color.rgba[i * 4 + c] =
+          static_cast<std::uint8_t>(std::clamp(color[i * 4 + c], 0.0F, 1.0F) * 255.0F + 0.5F);
     }
     material.base_color.rgba[i * 4 + 3] = 255;
   }
@@ -1207,7 +1422,8 @@ void paint(const Figure& figure, const Mesh& mesh, const std::vector<glm::vec3>&
     for (std::uint32_t x = 0; x < kMaskSize; ++x) {
       int sum[4] = {0, 0, 0, 0}, count = 0;
       for (std::uint32_t k = 0; k < kRatio * kRatio; ++k) {
-        const std::size_t i = static_cast<std::size_t>(y * kRatio + k / kRatio) * kTextureSize + x * kRatio + k % kRatio;
+        const std::size_t i = static_cast<std::size_t>(y * kRatio + k / kRatio) * kTextureSize +
+                              x * kRatio + k % kRatio;
         if (covered[i] == 0) continue;
         for (int c = 0; c < 4; ++c) sum[c] += tint[i][c];
         ++count;
@@ -1215,7 +1431,8 @@ void paint(const Figure& figure, const Mesh& mesh, const std::vector<glm::vec3>&
       const std::size_t i = static_cast<std::size_t>(y) * kMaskSize + x;
       if (count == 0) continue;
       known[i] = 1;
-      for (int c = 0; c < 4; ++c) material.tint_mask.rgba[i * 4 + c] = static_cast<std::uint8_t>(sum[c] / count);
+      for (int c = 0; c < 4; ++c)
+        material.tint_mask.rgba[i * 4 + c] = static_cast<std::uint8_t>(sum[c] / count);
     }
   }
   for (int round = 0; round < 3; ++round) {

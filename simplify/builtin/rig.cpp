@@ -11,9 +11,9 @@ constexpr float kPi = 3.14159265F;
 constexpr const char* kSides[2] = {"left_", "right_"};
 constexpr const char* kDigits[5] = {"thumb", "index", "middle", "ring", "pinky"};
 // counter-clockwise from the front
-constexpr const char* kSkirt[8] = {"skirt_front",      "skirt_left_front",  "skirt_left",
-                                   "skirt_left_back",  "skirt_back",        "skirt_right_back",
-                                   "skirt_right",      "skirt_right_front"};
+constexpr const char* kSkirt[8] = {"skirt_front",     "skirt_left_front", "skirt_left",
+                                   "skirt_left_back", "skirt_back",       "skirt_right_back",
+                                   "skirt_right",     "skirt_right_front"};
 
 float smooth_step(float from, float to, float x) {
   const float t = std::clamp((x - from) / (to - from), 0.0F, 1.0F);
@@ -59,12 +59,16 @@ Rig make_rig(const Figure& figure, const Mesh& mesh) {
   Rig rig;
   const auto add = [&](const std::string& name, const std::string& parent, glm::vec3 canonical,
                        Part part = Part::kTorso) {
-    rig.joints.push_back({name, parent.empty() ? -1 : rig.find(parent), to_model(figure, canonical, part)});
+    rig.joints.push_back(
+        {name, parent.empty() ? -1 : rig.find(parent), to_model(figure, canonical, part)});
   };
-  const auto sided = [](glm::vec3 p, int side) { return glm::vec3{p.x, side == 0 ? p.y : -p.y, p.z}; };
+  const auto sided = [](glm::vec3 p, int side) {
+    return glm::vec3{p.x, side == 0 ? p.y : -p.y, p.z};
+  };
   const auto arm_point = [&](float a, int side) {
     const float bend = std::max(0.0F, a - land.elbow_m);
-    return sided(land.shoulder + land.arm_direction * a + glm::vec3{bend * 0.13F, 0.0F, 0.0F}, side);
+    return sided(land.shoulder + land.arm_direction * a + glm::vec3{bend * 0.13F, 0.0F, 0.0F},
+                 side);
   };
 
   add("hips", "", land.hips);
@@ -100,8 +104,10 @@ Rig make_rig(const Figure& figure, const Mesh& mesh) {
   }
   if (has_hair_joints(figure)) {
     const bool tail = figure.hair == HairStyle::kPonytail;
-    add("hair1", "head", tail ? glm::vec3{-0.115F, 0.0F, 1.71F} : glm::vec3{-0.09F, 0.0F, 1.62F}, Part::kHair);
-    add("hair2", "hair1", tail ? glm::vec3{-0.165F, 0.0F, 1.64F} : glm::vec3{-0.11F, 0.0F, 1.50F}, Part::kHair);
+    add("hair1", "head", tail ? glm::vec3{-0.115F, 0.0F, 1.71F} : glm::vec3{-0.09F, 0.0F, 1.62F},
+        Part::kHair);
+    add("hair2", "hair1", tail ? glm::vec3{-0.165F, 0.0F, 1.64F} : glm::vec3{-0.11F, 0.0F, 1.50F},
+        Part::kHair);
   }
   if (figure.bag != BagStyle::kNone) {
     const bool pack = figure.bag == BagStyle::kBackpack;
@@ -112,38 +118,48 @@ Rig make_rig(const Figure& figure, const Mesh& mesh) {
   // the rest in order of use, in pairs; the single ones make the count even
   const auto left = [&] { return figure.joint_count - static_cast<int>(rig.joints.size()); };
   if (left() % 2 != 0) add("jaw", "head", {0.03F, 0.0F, 1.60F}, Part::kHead);
-  const auto pair = [&](const std::string& name, const std::string& parent, bool sided_parent, glm::vec3 l, glm::vec3 r, Part part) {
+  const auto pair = [&](const std::string& name, const std::string& parent, bool sided_parent,
+                        glm::vec3 l, glm::vec3 r, Part part) {
     if (left() < 2) return;
     for (int side = 0; side < 2; ++side) {
-      add(kSides[side] + name, sided_parent ? kSides[side] + parent : parent, side == 0 ? l : r, part);
+      add(kSides[side] + name, sided_parent ? kSides[side] + parent : parent, side == 0 ? l : r,
+          part);
     }
   };
   for (int level = 0; level < 3; ++level) {
     for (int digit = 0; digit < 5; ++digit) {
       glm::vec3 p[2];
       for (int side = 0; side < 2; ++side) {
-        const glm::vec3 first = digit_centre(mesh, side, digit, 0), second = digit_centre(mesh, side, digit, 1);
+        const glm::vec3 first = digit_centre(mesh, side, digit, 0),
+                        second = digit_centre(mesh, side, digit, 1);
         p[side] = level == 0 ? first - (second - first) * 1.1F : level == 1 ? first : second;
       }
       const std::string base = kDigits[digit];
-      pair(base + std::to_string(level + 1), level == 0 ? "hand" : base + std::to_string(level), true, p[0], p[1], Part::kFinger);
+      pair(base + std::to_string(level + 1), level == 0 ? "hand" : base + std::to_string(level),
+           true, p[0], p[1], Part::kFinger);
     }
     if (level == 0) {
       pair("eye", "head", false, {0.082F, 0.031F, 1.660F}, {0.082F, -0.031F, 1.660F}, Part::kHead);
     }
     if (level == 1) {
-      const glm::vec3 thigh = (land.hip_joint + land.knee) * 0.5F, shin = (land.knee + land.ankle) * 0.5F;
+      const glm::vec3 thigh = (land.hip_joint + land.knee) * 0.5F,
+                      shin = (land.knee + land.ankle) * 0.5F;
       pair("upper_leg_twist", "upper_leg", true, thigh, sided(thigh, 1), Part::kLegLeft);
       pair("lower_leg_twist", "lower_leg", true, shin, sided(shin, 1), Part::kLegLeft);
     }
   }
-  pair("toes_end", "toes", true, {0.200F, land.ball.y, 0.015F}, {0.200F, -land.ball.y, 0.015F}, Part::kLegLeft);
-  pair("heel", "foot", true, {-0.080F, land.ankle.y, 0.010F}, {-0.080F, -land.ankle.y, 0.010F}, Part::kLegLeft);
+  pair("toes_end", "toes", true, {0.200F, land.ball.y, 0.015F}, {0.200F, -land.ball.y, 0.015F},
+       Part::kLegLeft);
+  pair("heel", "foot", true, {-0.080F, land.ankle.y, 0.010F}, {-0.080F, -land.ankle.y, 0.010F},
+       Part::kLegLeft);
   pair("brow", "head", false, {0.100F, 0.028F, 1.680F}, {0.100F, -0.028F, 1.680F}, Part::kHead);
   pair("cheek", "head", false, {0.085F, 0.040F, 1.625F}, {0.085F, -0.040F, 1.625F}, Part::kHead);
-  pair("lip_corner", "head", false, {0.095F, 0.022F, 1.592F}, {0.095F, -0.022F, 1.592F}, Part::kHead);
-  pair("shoulder_blade", "spine3", false, {-0.10F, 0.09F, 1.36F}, {-0.10F, -0.09F, 1.36F}, Part::kTorso);
-  pair("breast_pocket", "spine3", false, {0.10F, 0.07F, 1.32F}, {0.10F, -0.07F, 1.32F}, Part::kTorso);
+  pair("lip_corner", "head", false, {0.095F, 0.022F, 1.592F}, {0.095F, -0.022F, 1.592F},
+       Part::kHead);
+  pair("shoulder_blade", "spine3", false, {-0.10F, 0.09F, 1.36F}, {-0.10F, -0.09F, 1.36F},
+       Part::kTorso);
+  pair("breast_pocket", "spine3", false, {0.10F, 0.07F, 1.32F}, {0.10F, -0.07F, 1.32F},
+       Part::kTorso);
   return rig;
 }
 
@@ -152,8 +168,8 @@ std::vector<Skin> make_skin(const Figure& figure, const Mesh& mesh, const Rig& r
   const std::size_t count = mesh.vertices.size();
   const int hips = rig.find("hips"), spine1 = rig.find("spine1"), spine2 = rig.find("spine2"),
             spine3 = rig.find("spine3"), neck = rig.find("neck"), head = rig.find("head");
-  int clavicle[2], upper_arm[2], upper_twist[2], forearm[2], forearm_twist[2], hand[2], upper_leg[2],
-      lower_leg[2], foot[2], toes[2];
+  int clavicle[2], upper_arm[2], upper_twist[2], forearm[2], forearm_twist[2], hand[2],
+      upper_leg[2], lower_leg[2], foot[2], toes[2];
   for (int side = 0; side < 2; ++side) {
     const std::string s = kSides[side];
     clavicle[side] = rig.find(s + "clavicle");
@@ -172,7 +188,8 @@ std::vector<Skin> make_skin(const Figure& figure, const Mesh& mesh, const Rig& r
   int skirt_joint[8];
   for (int i = 0; i < 8; ++i) skirt_joint[i] = rig.find(kSkirt[i]);
 
-  const auto chain = [](Weights& out, float at, std::initializer_list<std::pair<float, int>> stops) {
+  const auto chain = [](Weights& out, float at,
+                        std::initializer_list<std::pair<float, int>> stops) {
     const std::pair<float, int>* before = stops.begin();
     if (at <= before->first) {
       out[before->second] += 1.0F;
@@ -208,9 +225,16 @@ std::vector<Skin> make_skin(const Figure& figure, const Mesh& mesh, const Rig& r
       case Part::kTorso:
       case Part::kSkirt: {
         Weights spine;
-        chain(spine, p.z, {{1.00F, hips}, {1.11F, spine1}, {1.235F, spine2}, {1.38F, spine3}, {1.47F, spine3}, {1.535F, neck}});
+        chain(spine, p.z,
+              {{1.00F, hips},
+               {1.11F, spine1},
+               {1.235F, spine2},
+               {1.38F, spine3},
+               {1.47F, spine3},
+               {1.535F, neck}});
         // what lies over a skirt moves with it; the crotch inside does not
-        const bool cloth = vertex.part == Part::kSkirt || (figure.bottom == BottomStyle::kSkirt && p.z > 0.86F);
+        const bool cloth =
+            vertex.part == Part::kSkirt || (figure.bottom == BottomStyle::kSkirt && p.z > 0.86F);
         const float hanging = cloth && skirt ? smooth_step(0.985F, 0.90F, p.z) : 0.0F;
         const float leg = hanging > 0.0F ? 0.0F : 0.8F * smooth_step(0.975F, 0.80F, p.z);
         const float distance = glm::length(glm::vec3{p.x, std::abs(p.y), p.z} - land.shoulder);
@@ -248,14 +272,25 @@ std::vector<Skin> make_skin(const Figure& figure, const Mesh& mesh, const Rig& r
         }
         break;
       }
-      case Part::kBag: w[bag] = 1.0F; break;
+      case Part::kBag:
+        w[bag] = 1.0F;
+        break;
       case Part::kArmLeft:
       case Part::kArmRight: {
         const int s = vertex.part == Part::kArmLeft ? 0 : 1;
-        const float a = glm::dot(glm::vec3{p.x, std::abs(p.y), p.z} - land.shoulder, land.arm_direction);
-        chain(w, a, {{-0.03F, clavicle[s]}, {0.055F, upper_arm[s]}, {0.11F, upper_arm[s]}, {0.20F, upper_twist[s]},
-                     {0.245F, upper_twist[s]}, {0.325F, forearm[s]}, {0.36F, forearm[s]}, {0.46F, forearm_twist[s]},
-                     {0.515F, forearm_twist[s]}, {0.560F, hand[s]}});
+        const float a =
+            glm::dot(glm::vec3{p.x, std::abs(p.y), p.z} - land.shoulder, land.arm_direction);
+        chain(w, a,
+              {{-0.03F, clavicle[s]},
+               {0.055F, upper_arm[s]},
+               {0.11F, upper_arm[s]},
+               {0.20F, upper_twist[s]},
+               {0.245F, upper_twist[s]},
+               {0.325F, forearm[s]},
+               {0.36F, forearm[s]},
+               {0.46F, forearm_twist[s]},
+               {0.515F, forearm_twist[s]},
+               {0.560F, hand[s]}});
         break;
       }
       case Part::kFinger: {
@@ -263,7 +298,8 @@ std::vector<Skin> make_skin(const Figure& figure, const Mesh& mesh, const Rig& r
         const int digit = (vertex.detail % 64) / 4, phalanx = vertex.detail % 4;
         int joint = hand[s];
         for (int level = 1; level <= phalanx + 1; ++level) {
-          const int found = rig.find(std::string(kSides[s]) + kDigits[digit] + std::to_string(level));
+          const int found =
+              rig.find(std::string(kSides[s]) + kDigits[digit] + std::to_string(level));
           if (found >= 0) joint = found;
         }
         w[joint] = 1.0F;
@@ -272,8 +308,13 @@ std::vector<Skin> make_skin(const Figure& figure, const Mesh& mesh, const Rig& r
       case Part::kLegLeft:
       case Part::kLegRight: {
         const int s = vertex.part == Part::kLegLeft ? 0 : 1;
-        chain(w, -p.z, {{-0.93F, hips}, {-0.80F, upper_leg[s]}, {-0.56F, upper_leg[s]}, {-0.45F, lower_leg[s]},
-                        {-0.15F, lower_leg[s]}, {-0.095F, foot[s]}});
+        chain(w, -p.z,
+              {{-0.93F, hips},
+               {-0.80F, upper_leg[s]},
+               {-0.56F, upper_leg[s]},
+               {-0.45F, lower_leg[s]},
+               {-0.15F, lower_leg[s]},
+               {-0.095F, foot[s]}});
         const float toe = smooth_step(0.082F, 0.128F, p.x);
         if (p.z < 0.09F && toe > 0.0F) {
           w.clear();
@@ -291,8 +332,11 @@ std::vector<Skin> make_skin(const Figure& figure, const Mesh& mesh, const Rig& r
     std::vector<Weights> next = first;
     for (std::size_t v = 0; v < count; ++v) {
       const Part part = mesh.vertices[v].part;
-      const bool shoe = (part == Part::kLegLeft || part == Part::kLegRight) && mesh.vertices[v].position.z < 0.13F;
-      if (part == Part::kFinger || part == Part::kBag || part == Part::kHead || part == Part::kHair || shoe) continue;
+      const bool shoe = (part == Part::kLegLeft || part == Part::kLegRight) &&
+                        mesh.vertices[v].position.z < 0.13F;
+      if (part == Part::kFinger || part == Part::kBag || part == Part::kHead ||
+          part == Part::kHair || shoe)
+        continue;
       Weights mean;
       const float share = 0.5F / static_cast<float>(near[v].size());
       for (const auto& [joint, weight] : first[v]) mean[joint] += weight * 0.5F;
@@ -310,7 +354,8 @@ std::vector<Skin> make_skin(const Figure& figure, const Mesh& mesh, const Rig& r
     for (const auto& [joint, weight] : first[v]) {
       if (weight > 0.004F) list.push_back({weight, joint});
     }
-    std::stable_sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+    std::stable_sort(list.begin(), list.end(),
+                     [](const auto& a, const auto& b) { return a.first > b.first; });
     if (list.size() > 4) list.resize(4);
     float sum = 0.0F;
     for (const auto& [weight, joint] : list) sum += weight;

@@ -24,13 +24,16 @@ struct Topology {
   int wedge_count = 0;
   std::vector<int> wedge_vertex;
 
-  explicit Topology(const Mesh& mesh) {
+  bool with_slits = true;
+
+  explicit Topology(const Mesh& mesh, bool with_slits = true) : with_slits(with_slits) {
     const std::size_t faces = mesh.faces.size();
     face_of.reserve(faces * 8);
     for (std::size_t f = 0; f < faces; ++f) {
       const MeshFace& face = mesh.faces[f];
       for (int i = 0; i < face.size(); ++i) {
-        face_of[edge_key(face.corner[i], face.corner[(i + 1) % face.size()])] = {static_cast<int>(f), i};
+        face_of[edge_key(face.corner[i], face.corner[(i + 1) % face.size()])] = {
+            static_cast<int>(f), i};
       }
     }
     component.assign(faces, -1);
@@ -83,7 +86,8 @@ struct Topology {
   bool is_seam(const Mesh& mesh, int f, int a, int b) const {
     const auto other = face_of.find(edge_key(b, a));
     if (other == face_of.end()) return true;
-    return mesh.faces[other->second.first].chart != mesh.faces[f].chart || mesh.is_cut(a, b);
+    return mesh.faces[other->second.first].chart != mesh.faces[f].chart || mesh.is_cut(a, b) ||
+           (with_slits && mesh.is_slit(a, b));
   }
 
   /// Border loops of every component as wedges, in the winding of the faces.
@@ -130,7 +134,8 @@ struct Laplace {
     }
   }
 
-  void solve(const std::vector<double>& b, std::vector<double>& x, int rounds, double tolerance) const {
+  void solve(const std::vector<double>& b, std::vector<double>& x, int rounds,
+             double tolerance) const {
     const std::size_t n = b.size();
     std::vector<double> r(n), z(n), p(n), q(n);
     multiply(x, q);
@@ -171,16 +176,17 @@ struct Laplace {
 };
 
 struct Island {
-  std::vector<int> wedges;                     // global number of each point
-  std::vector<std::array<int, 3>> triangles;   // local
-  std::vector<std::array<glm::dvec2, 3>> rest; // each triangle flattened on its own
+  std::vector<int> wedges;                      // global number of each point
+  std::vector<std::array<int, 3>> triangles;    // local
+  std::vector<std::array<glm::dvec2, 3>> rest;  // each triangle flattened on its own
   std::vector<glm::dvec2> uv;
   double density = 1.0;
 };
 
 double cross2(const glm::dvec2& a, const glm::dvec2& b) { return a.x * b.y - a.y * b.x; }
 
-Laplace assemble(const Island& island, const std::vector<std::array<double, 3>>& weight, double pin) {
+Laplace assemble(const Island& island, const std::vector<std::array<double, 3>>& weight,
+                 double pin) {
   const std::size_t n = island.wedges.size();
   std::vector<std::map<int, double>> rows(n);
   for (std::size_t t = 0; t < island.triangles.size(); ++t) {
@@ -218,11 +224,13 @@ void embed(Island& island, const std::vector<int>& border) {
     const auto& r = island.rest[t];
     area += 0.5 * cross2(r[1] - r[0], r[2] - r[0]);
     for (int i = 0; i < 3; ++i) {
-      length[{island.triangles[t][i], island.triangles[t][(i + 1) % 3]}] = glm::length(r[(i + 1) % 3] - r[i]);
+      length[{island.triangles[t][i], island.triangles[t][(i + 1) % 3]}] =
+          glm::length(r[(i + 1) % 3] - r[i]);
     }
   }
   double total = 0.0;
-  for (std::size_t i = 0; i < border.size(); ++i) total += length[{border[i], border[(i + 1) % border.size()]}];
+  for (std::size_t i = 0; i < border.size(); ++i)
+    total += length[{border[i], border[(i + 1) % border.size()]}];
   const double radius = std::sqrt(area / 3.14159265358979);
   double at = 0.0;
   for (std::size_t i = 0; i < border.size(); ++i) {
@@ -291,7 +299,8 @@ double longest_step(const Island& island, const std::vector<glm::dvec2>& move) {
 }
 
 /// Symmetric Dirichlet energy of one triangle: 2 + 2 where it keeps its shape, infinite at a flip.
-double stretch(const std::array<glm::dvec2, 3>& rest, const glm::dvec2& a, const glm::dvec2& b, const glm::dvec2& c) {
+double stretch(const std::array<glm::dvec2, 3>& rest, const glm::dvec2& a, const glm::dvec2& b,
+               const glm::dvec2& c) {
   const glm::dvec2 r1 = rest[1] - rest[0], r2 = rest[2] - rest[0], u1 = b - a, u2 = c - a;
   const double area0 = cross2(r1, r2), area1 = cross2(u1, u2);
   if (area1 <= 1e-14) return 1e30;
@@ -390,7 +399,8 @@ void flatten(Island& island) {
         const glm::dvec2 p = island.uv[i];
         const double e0 = local(p);
         double size = 0.0;
-        for (const int t : around[i]) size = std::max(size, glm::length(island.rest[t][1] - island.rest[t][0]));
+        for (const int t : around[i])
+          size = std::max(size, glm::length(island.rest[t][1] - island.rest[t][0]));
         const double h = 1e-3 * size;
         const glm::dvec2 g{(local(p + glm::dvec2{h, 0}) - local(p - glm::dvec2{h, 0})),
                            (local(p + glm::dvec2{0, h}) - local(p - glm::dvec2{0, h}))};
@@ -420,7 +430,8 @@ void straighten(Island& island) {
     const double angle = step * 3.14159265358979 / 72.0;
     glm::dvec2 low{1e30}, high{-1e30};
     for (const glm::dvec2& p : island.uv) {
-      const glm::dvec2 q{p.x * std::cos(angle) - p.y * std::sin(angle), p.x * std::sin(angle) + p.y * std::cos(angle)};
+      const glm::dvec2 q{p.x * std::cos(angle) - p.y * std::sin(angle),
+                         p.x * std::sin(angle) + p.y * std::cos(angle)};
       low = glm::min(low, q);
       high = glm::max(high, q);
     }
@@ -432,7 +443,8 @@ void straighten(Island& island) {
   }
   glm::dvec2 low{1e30};
   for (glm::dvec2& p : island.uv) {
-    p = {p.x * std::cos(best_angle) - p.y * std::sin(best_angle), p.x * std::sin(best_angle) + p.y * std::cos(best_angle)};
+    p = {p.x * std::cos(best_angle) - p.y * std::sin(best_angle),
+         p.x * std::sin(best_angle) + p.y * std::cos(best_angle)};
     low = glm::min(low, p);
   }
   for (glm::dvec2& p : island.uv) p -= low;
@@ -452,7 +464,8 @@ Stamp make_stamp(const Island& island, double scale, bool turned) {
     return (turned ? glm::dvec2{p.y, p.x} : p) + 1.0;
   };
   glm::dvec2 high{0.0};
-  for (std::size_t i = 0; i < island.uv.size(); ++i) high = glm::max(high, place(static_cast<int>(i)));
+  for (std::size_t i = 0; i < island.uv.size(); ++i)
+    high = glm::max(high, place(static_cast<int>(i)));
   stamp.width = static_cast<int>(std::ceil(high.x)) + 1;
   stamp.height = static_cast<int>(std::ceil(high.y)) + 1;
   if (stamp.width > kGrid || stamp.height > kGrid) return stamp;
@@ -460,9 +473,11 @@ Stamp make_stamp(const Island& island, double scale, bool turned) {
   for (const auto& t : island.triangles) {
     const glm::dvec2 p[3] = {place(t[0]), place(t[1]), place(t[2])};
     const int x0 = std::max(0, static_cast<int>(std::min({p[0].x, p[1].x, p[2].x}) - 0.6));
-    const int x1 = std::min(stamp.width - 1, static_cast<int>(std::max({p[0].x, p[1].x, p[2].x}) + 0.6));
+    const int x1 =
+        std::min(stamp.width - 1, static_cast<int>(std::max({p[0].x, p[1].x, p[2].x}) + 0.6));
     const int y0 = std::max(0, static_cast<int>(std::min({p[0].y, p[1].y, p[2].y}) - 0.6));
-    const int y1 = std::min(stamp.height - 1, static_cast<int>(std::max({p[0].y, p[1].y, p[2].y}) + 0.6));
+    const int y1 =
+        std::min(stamp.height - 1, static_cast<int>(std::max({p[0].y, p[1].y, p[2].y}) + 0.6));
     for (int y = y0; y <= y1; ++y) {
       for (int x = x0; x <= x1; ++x) stamp.rows[y][x / 64] |= 1ULL << (x % 64);
     }
@@ -470,7 +485,8 @@ Stamp make_stamp(const Island& island, double scale, bool turned) {
   return stamp;
 }
 
-bool collides(const Stamp& stamp, const std::vector<std::array<std::uint64_t, 4>>& field, int x, int y) {
+bool collides(const Stamp& stamp, const std::vector<std::array<std::uint64_t, 4>>& field, int x,
+              int y) {
   const int word = x / 64, bit = x % 64;
   for (int r = 0; r < stamp.height; ++r) {
     const auto& row = field[y + r];
@@ -478,7 +494,8 @@ bool collides(const Stamp& stamp, const std::vector<std::array<std::uint64_t, 4>
       const std::uint64_t cells = stamp.rows[r][w];
       if (cells == 0) continue;
       if (w + word < 4 && (row[w + word] & (cells << bit)) != 0) return true;
-      if (bit != 0 && w + word + 1 < 4 && (row[w + word + 1] & (cells >> (64 - bit))) != 0) return true;
+      if (bit != 0 && w + word + 1 < 4 && (row[w + word + 1] & (cells >> (64 - bit))) != 0)
+        return true;
     }
   }
   return false;
@@ -489,7 +506,8 @@ struct Placement {
   bool turned = false;
 };
 
-bool pack(const std::vector<Island>& islands, const std::vector<int>& order, double scale, std::vector<Placement>& out) {
+bool pack(const std::vector<Island>& islands, const std::vector<int>& order, double scale,
+          std::vector<Placement>& out) {
   std::vector<std::array<std::uint64_t, 4>> field(kGrid, {0, 0, 0, 0});
   out.assign(islands.size(), {});
   for (const int i : order) {
@@ -528,6 +546,60 @@ bool pack(const std::vector<Island>& islands, const std::vector<int>& order, dou
     }
   }
   return true;
+}
+
+/// Numbers the wedges again with the slits and draws the two sides of each slit apart by a hair.
+Unwrap open_slits(const Mesh& mesh, const Topology& closed, const std::vector<glm::vec2>& flat) {
+  constexpr float kHalfGap = 0.8F / 2048.0F;
+  const Topology open(mesh);
+  Unwrap out;
+  out.uv.resize(open.wedge_count);
+  out.corner.resize(mesh.faces.size());
+  std::vector<int> sides(closed.wedge_count, 0), parent(open.wedge_count, -1);
+  std::vector<glm::vec2> inwards(open.wedge_count, glm::vec2{0.0F});
+  for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+    const glm::vec2 p[3] = {flat[closed.wedge[f][0]], flat[closed.wedge[f][1]],
+                            flat[closed.wedge[f][2]]};
+    for (int i = 0; i < 3; ++i) {
+      const int w = open.wedge[f][i];
+      out.corner[f][i] = w;
+      out.uv[w] = p[i];
+      if (parent[w] < 0) ++sides[closed.wedge[f][i]];
+      parent[w] = closed.wedge[f][i];
+      const glm::vec2 e = (p[0] + p[1] + p[2]) / 3.0F - p[i];
+      inwards[w] += e / std::max(1e-9F, glm::length(e));
+    }
+  }
+  std::vector<float> gap(open.wedge_count, 0.0F);
+  for (int w = 0; w < open.wedge_count; ++w) {
+    if (sides[parent[w]] > 1 && glm::length(inwards[w]) > 1e-6F) gap[w] = kHalfGap;
+  }
+  // narrow triangles get a narrower gap
+  for (int round = 0; round < 6; ++round) {
+    const auto place = [&](int w) {
+      return gap[w] > 0.0F ? flat[parent[w]] + glm::normalize(inwards[w]) * gap[w]
+                           : flat[parent[w]];
+    };
+    bool changed = false;
+    for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+      glm::vec2 before[3], after[3];
+      for (int i = 0; i < 3; ++i) {
+        before[i] = flat[parent[out.corner[f][i]]];
+        after[i] = place(out.corner[f][i]);
+      }
+      const auto area = [](const glm::vec2* q) {
+        return (q[1].x - q[0].x) * (q[2].y - q[0].y) - (q[1].y - q[0].y) * (q[2].x - q[0].x);
+      };
+      if (area(after) * area(before) > 0.3F * area(before) * area(before)) continue;
+      for (int i = 0; i < 3; ++i) gap[out.corner[f][i]] *= 0.5F;
+      changed = true;
+    }
+    if (!changed) break;
+  }
+  for (int w = 0; w < open.wedge_count; ++w) {
+    if (gap[w] > 0.0F) out.uv[w] = flat[parent[w]] + glm::normalize(inwards[w]) * gap[w];
+  }
+  return out;
 }
 
 }  // namespace
@@ -607,14 +679,15 @@ void add_slits(Mesh& mesh, const std::vector<std::vector<int>>& slits, int wedge
   const auto extend = [&](int a, int b) {
     const auto edge = topology.face_of.find(edge_key(a, b));
     if (edge == topology.face_of.end() || on_seam[a] == 0 || on_seam[b] != 0) return false;
-    mesh.cut(a, b);
+    mesh.slit(a, b);
     on_seam[b] = 1;
     --missing;
     return true;
   };
   for (const std::vector<int>& path : slits) {
     for (std::size_t i = 1; i < path.size() && missing > 0; ++i) {
-      if (!extend(path[i - 1], path[i]) && on_seam[path[i - 1]] != 0 && on_seam[path[i]] == 0) break;
+      if (!extend(path[i - 1], path[i]) && on_seam[path[i - 1]] != 0 && on_seam[path[i]] == 0)
+        break;
     }
   }
   // what is left: short slits from seams into the larger charts, in vertex order
@@ -629,8 +702,9 @@ void add_slits(Mesh& mesh, const std::vector<std::vector<int>>& slits, int wedge
   }
 }
 
-Unwrap unwrap(const Mesh& mesh, const std::vector<glm::vec3>& position, const std::vector<float>& density) {
-  const Topology topology(mesh);
+Unwrap unwrap(const Mesh& mesh, const std::vector<glm::vec3>& position,
+              const std::vector<float>& density) {
+  const Topology topology(mesh, false);
   const auto borders = topology.borders(mesh);
   std::vector<Island> islands(topology.component_count);
   std::vector<std::unordered_map<int, int>> local(topology.component_count);
@@ -686,21 +760,17 @@ Unwrap unwrap(const Mesh& mesh, const std::vector<glm::vec3>& position, const st
     low = 0.02;
     pack(islands, order, low, places);
   }
-  Unwrap out;
-  out.uv.resize(topology.wedge_count);
+  std::vector<glm::vec2> flat(topology.wedge_count);
   for (std::size_t i = 0; i < islands.size(); ++i) {
     for (std::size_t k = 0; k < islands[i].wedges.size(); ++k) {
       const glm::dvec2 p = islands[i].uv[k] * islands[i].density * low;
-      const glm::dvec2 q = (places[i].turned ? glm::dvec2{p.y, p.x} : p) +
-                           (glm::dvec2{places[i].x, places[i].y} + 1.0) / static_cast<double>(kGrid);
-      out.uv[islands[i].wedges[k]] = glm::clamp(glm::vec2(q), glm::vec2(0.0F), glm::vec2(1.0F));
+      const glm::dvec2 q =
+          (places[i].turned ? glm::dvec2{p.y, p.x} : p) +
+          (glm::dvec2{places[i].x, places[i].y} + 1.0) / static_cast<double>(kGrid);
+      flat[islands[i].wedges[k]] = glm::clamp(glm::vec2(q), glm::vec2(0.0F), glm::vec2(1.0F));
     }
   }
-  out.corner.resize(mesh.faces.size());
-  for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
-    out.corner[f] = {topology.wedge[f][0], topology.wedge[f][1], topology.wedge[f][2]};
-  }
-  return out;
+  return open_slits(mesh, topology, flat);
 }
 
 }  // namespace throng::builtin

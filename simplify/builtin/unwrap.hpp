@@ -9,8 +9,8 @@ namespace throng::builtin {
 
 /// Texture coordinates of a triangle mesh: one per wedge.
 struct Unwrap {
-  std::vector<glm::vec2> uv;              // [W] in [0, 1], (0, 0) top left
-  std::vector<std::array<int, 3>> corner; // [T] into uv
+  std::vector<glm::vec2> uv;               // [W] in [0, 1], (0, 0) top left
+  std::vector<std::array<int, 3>> corner;  // [T] into uv
 };
 
 /// Opens charts that are not discs: the shortest path between two borders becomes a seam.
@@ -20,6 +20,7 @@ void cut_to_discs(Mesh& mesh);
 int count_wedges(const Mesh& mesh);
 
 /// Extends `slits` into their charts, one edge at a time, until the mesh has `wedge_count` wedges.
+/// The charts lie flat without them, so they open by about a texel only.
 void add_slits(Mesh& mesh, const std::vector<std::vector<int>>& slits, int wedge_count);
 
 /// Flattens every chart (Tutte 1963, then as-rigid-as-possible after Liu et al. 2008, every step
