@@ -15,7 +15,8 @@ namespace {
 
 nlohmann::ordered_json compute_report(render::BackendKind kind) {
   const auto backend = render::make_backend(kind);
-  if (!backend.ok()) return {{"available", false}, {"why", std::string(backend.status().message())}};
+  if (!backend.ok())
+    return {{"available", false}, {"why", std::string(backend.status().message())}};
   return {{"available", true}};
 }
 
@@ -33,7 +34,9 @@ nlohmann::ordered_json cast_report(const std::string& folder) {
     return {{"available", false}, {"why", "no built-in cast beside the program; give --cast DIR"}};
   }
   const auto cast = render::read_cast(folder);
-  if (!cast.ok()) return {{"available", false}, {"folder", folder}, {"why", std::string(cast.status().message())}};
+  if (!cast.ok())
+    return {
+        {"available", false}, {"folder", folder}, {"why", std::string(cast.status().message())}};
   nlohmann::ordered_json names = nlohmann::ordered_json::array();
   for (const render::CastMember& member : cast->members) names.push_back(member.character.name);
   return {{"available", true}, {"folder", folder}, {"characters", names}};
@@ -47,7 +50,8 @@ void append(std::string& text, const char* part, const nlohmann::ordered_json& r
   }
   absl::StrAppend(&text, "yes");
   if (report.contains("name")) absl::StrAppend(&text, ", ", report.at("name").get<std::string>());
-  if (report.contains("detail")) absl::StrAppend(&text, ", ", report.at("detail").get<std::string>());
+  if (report.contains("detail"))
+    absl::StrAppend(&text, ", ", report.at("detail").get<std::string>());
   if (report.contains("folder")) {
     absl::StrAppend(&text, ", ", report.at("characters").size(), " characters in ",
                     report.at("folder").get<std::string>());
@@ -64,17 +68,19 @@ std::string doctor_report(const std::string& cast, bool json) {
   report["cast"] = cast_report(cast);
   report["compute"]["cpu"] = compute_report(render::BackendKind::kCpu);
   report["compute"]["cuda"] = compute_report(render::BackendKind::kCuda);
+  report["rasterizer"]["auto"] = raster_report(render::RasterKind::kAuto);
   report["rasterizer"]["gl"] = raster_report(render::RasterKind::kGl);
   report["rasterizer"]["visibility"] = raster_report(render::RasterKind::kVisibility);
   report["egl"] = render::describe_egl();
   // Driver texts need not be UTF-8.
   if (json) return report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 
-  std::string text =
-      absl::StrCat("throng-server ", THRONG_VERSION, ", ", report["cores"].get<unsigned>(), " cores\n");
+  std::string text = absl::StrCat("throng-server ", THRONG_VERSION, ", ",
+                                  report["cores"].get<unsigned>(), " cores\n");
   append(text, "cast", report["cast"]);
   append(text, "compute cpu", report["compute"]["cpu"]);
   append(text, "compute cuda", report["compute"]["cuda"]);
+  append(text, "rasterizer auto", report["rasterizer"]["auto"]);
   append(text, "rasterizer gl", report["rasterizer"]["gl"]);
   append(text, "rasterizer visibility", report["rasterizer"]["visibility"]);
   for (const auto& line : report["egl"]) {

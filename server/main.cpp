@@ -1,8 +1,8 @@
 // throng-server: flags and wiring only.
-#include <csignal>
 #include <pthread.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
+#include <csignal>
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -41,9 +41,12 @@ int fail(ExitCode code, const std::string& message) {
 ExitCode exit_code(const absl::Status& status) {
   switch (status.code()) {
     case absl::StatusCode::kInvalidArgument:
-    case absl::StatusCode::kFailedPrecondition: return kUsage;
-    case absl::StatusCode::kNotFound: return kBadInput;
-    default: return kFailure;
+    case absl::StatusCode::kFailedPrecondition:
+      return kUsage;
+    case absl::StatusCode::kNotFound:
+      return kBadInput;
+    default:
+      return kFailure;
   }
 }
 
@@ -67,7 +70,8 @@ void add_limits(CLI::App& app, ServerOptions& options) {
   add("--max-history-bytes", limits.max_history_bytes_per_crowd, "History of a crowd");
   add("--max-width", limits.max_width_px, "Width of a view, pixels");
   add("--max-height", limits.max_height_px, "Height of a view, pixels");
-  add("--max-frames-in-flight", limits.max_frames_in_flight, "Frames sent beyond the last acknowledged");
+  add("--max-frames-in-flight", limits.max_frames_in_flight,
+      "Frames sent beyond the last acknowledged");
   add("--max-vertex-budget", limits.max_vertex_budget, "Largest vertex budget a view may ask for");
   add("--max-rate", limits.max_rate_hz, "Frames per second of a view");
   add("--max-environment-bytes", limits.max_environment_bytes, "Text of a walkable area");
@@ -95,8 +99,10 @@ void add_network(CLI::App& app, ServerOptions& options) {
         ->group(kGroup);
   };
   add_ms("--keepalive-ms", options.keepalive_time, "A ping after this long without traffic");
-  add_ms("--keepalive-timeout-ms", options.keepalive_timeout, "A client that is silent so long is gone");
-  add_ms("--min-ping-interval-ms", options.min_ping_interval, "Clients that ping faster are sent away");
+  add_ms("--keepalive-timeout-ms", options.keepalive_timeout,
+         "A client that is silent so long is gone");
+  add_ms("--min-ping-interval-ms", options.min_ping_interval,
+         "Clients that ping faster are sent away");
   add_ms("--drain-ms", options.drain_time, "Time that calls have to end when the server stops");
 }
 
@@ -136,7 +142,8 @@ int main(int argc, char** argv) {
       "  throng-server --listen 127.0.0.1:0              any free port; it is printed\n"
       "  throng-server --listen 0.0.0.0:7447 --tls-cert cert.pem --tls-key key.pem \\\n"
       "                --token-file tokens               for other machines\n"
-      "  throng-server --doctor --json                   what EGL, CUDA and rasterizers can do here\n"
+      "  throng-server --doctor --json                   what EGL, CUDA and rasterizers can do "
+      "here\n"
       "Exit codes: 0 stopped in order, 1 failure, 2 usage, 3 bad input, 4 nothing to draw with.");
   try {
     app.parse(argc, argv);
@@ -152,9 +159,10 @@ int main(int argc, char** argv) {
     return kOk;
   }
   if (cast_folder.empty()) {
-    return fail(kBadInput,
-                "no built-in cast beside the program; bake one with 'throng-bake --builtin -o cast' "
-                "and give --cast cast");
+    return fail(
+        kBadInput,
+        "no built-in cast beside the program; bake one with 'throng-bake --builtin -o cast' "
+        "and give --cast cast");
   }
   if (absl::Status status = throng::server::check_bind(options.listen); !status.ok()) {
     return fail(kUsage, std::string(status.message()));

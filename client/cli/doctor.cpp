@@ -38,7 +38,8 @@ std::string find_server() {
 }
 
 /// What a program prints; its stderr goes nowhere (drivers like to talk).
-absl::StatusOr<std::string> output_of(const std::string& program, std::vector<std::string> arguments) {
+absl::StatusOr<std::string> output_of(const std::string& program,
+                                      std::vector<std::string> arguments) {
   int ends[2];
   if (pipe2(ends, O_CLOEXEC) != 0) return absl::InternalError("pipe2 failed");
   posix_spawn_file_actions_t actions;
@@ -57,7 +58,8 @@ absl::StatusOr<std::string> output_of(const std::string& program, std::vector<st
   posix_spawnattr_setsigmask(&attributes, &none);
   posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK);
   pid_t child = 0;
-  const int spawned = posix_spawn(&child, program.c_str(), &actions, &attributes, argv.data(), environ);
+  const int spawned =
+      posix_spawn(&child, program.c_str(), &actions, &attributes, argv.data(), environ);
   posix_spawnattr_destroy(&attributes);
   posix_spawn_file_actions_destroy(&actions);
   close(ends[1]);
@@ -83,7 +85,8 @@ void print_part(const char* part, const nlohmann::json& report) {
   for (const char* key : {"name", "detail", "folder", "why"}) {
     if (report.contains(key)) absl::StrAppend(&line, ", ", report.value(key, std::string()));
   }
-  if (report.contains("characters")) absl::StrAppend(&line, ", ", report["characters"].size(), " characters");
+  if (report.contains("characters"))
+    absl::StrAppend(&line, ", ", report["characters"].size(), " characters");
   std::printf("  %-22s %s\n", part, line.c_str());
 }
 
@@ -107,8 +110,9 @@ int run_doctor(const Common& common, bool ask_server, bool json) {
     return kOk;
   }
   if (program.empty()) {
-    std::printf("this machine: no throng-server beside this program or on PATH; it can view and "
-                "publish, not draw\n");
+    std::printf(
+        "this machine: no throng-server beside this program or on PATH; it can view and "
+        "publish, not draw\n");
   } else {
     std::printf("this machine: %s %s, %d cores\n", program.c_str(),
                 local.value("version", std::string("?")).c_str(), local.value("cores", 0));

@@ -83,13 +83,15 @@ int run_server_info(const Common& common, bool json) {
   absl::PrintF("limits      %d crowds, %d viewers, %d agents and %d channels a crowd,\n",
                limits.max_crowds(), limits.max_viewers(), limits.max_agents_per_crowd(),
                limits.max_channels());
-  absl::PrintF("            %d MiB a message, %d MiB of history a crowd, %dx%d px, %d frames in flight\n",
-               limits.max_message_bytes() >> 20, limits.max_history_bytes_per_crowd() >> 20,
-               limits.max_width_px(), limits.max_height_px(), limits.max_frames_in_flight());
+  absl::PrintF(
+      "            %d MiB a message, %d MiB of history a crowd, %dx%d px, %d frames in flight\n",
+      limits.max_message_bytes() >> 20, limits.max_history_bytes_per_crowd() >> 20,
+      limits.max_width_px(), limits.max_height_px(), limits.max_frames_in_flight());
   absl::PrintF("%-18s %8s %9s %6s %s\n", "CHARACTER", "VERTICES", "TRIANGLES", "JOINTS", "CLIPS");
   for (const v1::CharacterInfo& character : info.cast()) {
     std::string clips;
-    for (const std::string& clip : character.clips()) absl::StrAppend(&clips, clips.empty() ? "" : " ", clip);
+    for (const std::string& clip : character.clips())
+      absl::StrAppend(&clips, clips.empty() ? "" : " ", clip);
     absl::PrintF("%-18s %8d %9d %6d %s\n", character.name(), character.vertices(),
                  character.triangles(), character.joints(), clips);
   }
@@ -122,7 +124,8 @@ int run_file_info(const std::string& file, const trajectory::ReadOptions& read, 
     report["channels"] = info.channel_names;
     report["walkable_area"] = !info.walkable_area_wkt.empty();
     report["notes"] = info.notes;
-    std::printf("%s\n", report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
+    std::printf("%s\n",
+                report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
     return kOk;
   }
   absl::PrintF("format    %s\n", info.format);
@@ -141,7 +144,8 @@ int run_file_info(const std::string& file, const trajectory::ReadOptions& read, 
   }
   absl::PrintF("heading   %s\n", summary->has_heading ? "yes" : "no, derived from motion");
   std::string channels;
-  for (const std::string& name : info.channel_names) absl::StrAppend(&channels, channels.empty() ? "" : ", ", name);
+  for (const std::string& name : info.channel_names)
+    absl::StrAppend(&channels, channels.empty() ? "" : ", ", name);
   absl::PrintF("channels  %s\n", channels.empty() ? "none" : channels);
   absl::PrintF("area      %s\n", info.walkable_area_wkt.empty() ? "none" : "walkable area given");
   for (const std::string& note : info.notes) absl::PrintF("note      %s\n", note);

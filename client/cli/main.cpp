@@ -44,10 +44,14 @@ void add_view(CLI::App& app, ViewCommand& view, std::string& size) {
   app.add_option("--fps", view.fps, "Frames per second at most")
       ->capture_default_str()
       ->check(CLI::Range(0.01, 1000.0));
-  app.add_option("--quality", view.quality, "JPEG quality")->capture_default_str()->check(CLI::Range(1, 100));
-  app.add_option("--vertex-budget", view.vertex_budget, "Vertices per frame (0: the server decides)")
+  app.add_option("--quality", view.quality, "JPEG quality")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 100));
+  app.add_option("--vertex-budget", view.vertex_budget,
+                 "Vertices per frame (0: the server decides)")
       ->capture_default_str();
-  app.add_option("--camera", view.camera, "Eye and target, \"x,y,z:tx,ty,tz\" in metres (default: an overview)");
+  app.add_option("--camera", view.camera,
+                 "Eye and target, \"x,y,z:tx,ty,tz\" in metres (default: an overview)");
   app.add_option("--channel", view.channel, "Colour agents by this channel");
   app.add_option("--channel-low", view.channel_low, "Value of the lowest colour");
   app.add_option("--channel-high", view.channel_high, "Value of the highest colour");
@@ -100,23 +104,27 @@ int main(int argc, char** argv) {
       "Exit codes: 0 done, 1 failure, 2 usage, 3 bad input, 130 and 143 interrupted.");
 
   CLI::App* publish_app = app.add_subcommand("publish", "Play a trajectory file to a crowd");
-  publish_app->add_option("file", publish.file, "JuPedSim sqlite, archive text, CSV, ...")->required();
+  publish_app->add_option("file", publish.file, "JuPedSim sqlite, archive text, CSV, ...")
+      ->required();
   publish_app->add_option("--crowd", publish.crowd, "Name of the crowd")->required();
   publish_app->add_option("--rate", publish.rate, "Times as fast as the file says")
       ->capture_default_str()
       ->check(CLI::Range(0.001, 1000.0));
   publish_app->add_flag("--loop", publish.loop, "Begin again at the end, until interrupted");
   publish_app->add_flag("--take-over", publish.take_over, "End another producer of this crowd");
-  publish_app->add_option("--seed", publish.seed, "With an agent's id, decides who it is")->capture_default_str();
+  publish_app->add_option("--seed", publish.seed, "With an agent's id, decides who it is")
+      ->capture_default_str();
   publish_app->add_option("--wait", publish.wait_s, "Seconds to wait for the server")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 86400.0));
   add_reading(*publish_app, publish.read, publish_unit, publish_z);
 
-  CLI::App* record_app = app.add_subcommand("record", "Keep what a viewer sees, as video or pictures");
+  CLI::App* record_app =
+      app.add_subcommand("record", "Keep what a viewer sees, as video or pictures");
   add_view(*record_app, record.view, record_size);
-  record_app->add_option("-o,--output", record.output,
-                         "out.mp4, frames/####.jpg, frames/####.png or one.jpg")
+  record_app
+      ->add_option("-o,--output", record.output,
+                   "out.mp4, frames/####.jpg, frames/####.png or one.jpg")
       ->required();
   record_app->add_option("--seconds", record.seconds, "Length")->check(CLI::PositiveNumber);
   record_app->add_option("--frames", record.frames, "Number of frames")->check(CLI::PositiveNumber);
@@ -129,12 +137,14 @@ int main(int argc, char** argv) {
   CLI::App* crowds_app = app.add_subcommand("crowds", "List the crowds of a server");
   crowds_app->add_flag("--json", crowds_json, "As JSON");
 
-  CLI::App* info_app = app.add_subcommand("info", "What a server offers, or what a trajectory file holds");
+  CLI::App* info_app =
+      app.add_subcommand("info", "What a server offers, or what a trajectory file holds");
   info_app->add_option("file", info_file, "Trajectory file (none: ask the server)");
   info_app->add_flag("--json", info_json, "As JSON");
   add_reading(*info_app, info_read, info_unit, info_z);
 
-  CLI::App* doctor_app = app.add_subcommand("doctor", "What this machine and the server can draw with");
+  CLI::App* doctor_app =
+      app.add_subcommand("doctor", "What this machine and the server can draw with");
   doctor_app->add_flag("--json", doctor_json, "As JSON");
 
   try {

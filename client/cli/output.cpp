@@ -40,7 +40,9 @@ absl::Status make_folder_of(const std::string& path) {
 class PictureFiles final : public PictureOutput {
  public:
   PictureFiles(std::string pattern, std::size_t begin, std::size_t digits)
-      : pattern_(std::move(pattern)), begin_(begin), digits_(digits),
+      : pattern_(std::move(pattern)),
+        begin_(begin),
+        digits_(digits),
         png_(extension_of(pattern_) == ".png") {}
 
   absl::Status add(const std::string& jpeg, std::int64_t) override {
@@ -82,7 +84,8 @@ class VideoFile final : public PictureOutput {
 
   absl::Status add(const std::string& jpeg, std::int64_t time_us) override {
     // On the grid of the frame rate: players jitter with times that are a little off.
-    const auto tick = static_cast<std::int64_t>(std::llround(static_cast<double>(time_us) * 1e-6 * fps_));
+    const auto tick =
+        static_cast<std::int64_t>(std::llround(static_cast<double>(time_us) * 1e-6 * fps_));
     if (tick <= last_tick_) return absl::OkStatus();
     const auto image = render::decode_jpeg(bytes_of(jpeg));
     if (!image.ok()) return image.status();

@@ -30,8 +30,8 @@ class Progress {
   double last_s_ = -1e9;
 };
 
-/// Where recorded pictures go: a video (.mp4 .mkv .mov), numbered pictures (frames/####.jpg or .png),
-/// or a single picture (a name without #).
+/// Where recorded pictures go: a video (.mp4 .mkv .mov), numbered pictures (frames/####.jpg or
+/// .png), or a single picture (a name without #).
 class PictureOutput {
  public:
   virtual ~PictureOutput() = default;

@@ -24,11 +24,12 @@ using SteadyClock = std::chrono::steady_clock;
 /// Waits for a moment or an interrupt.
 class Pacer {
  public:
-  Pacer() : on_interrupt_([this] {
-    const std::lock_guard lock(mutex_);
-    stop_ = true;
-    changed_.notify_all();
-  }) {}
+  Pacer()
+      : on_interrupt_([this] {
+          const std::lock_guard lock(mutex_);
+          stop_ = true;
+          changed_.notify_all();
+        }) {}
 
   /// False: interrupted.
   bool wait_until(SteadyClock::time_point when) {
@@ -56,7 +57,8 @@ std::array<double, 3> origin_of(const trajectory::Frame& frame) {
   return origin;
 }
 
-void fill_positions(const trajectory::Frame& frame, double origin_z, std::vector<double>& positions) {
+void fill_positions(const trajectory::Frame& frame, double origin_z,
+                    std::vector<double>& positions) {
   const std::size_t agents = frame.ids.size();
   positions.resize(3 * agents);
   for (std::size_t i = 0; i < agents; ++i) {
@@ -83,8 +85,9 @@ int run_publish(const PublishCommand& command) {
   trajectory::Frame frame;
   auto more = (*reader)->next(frame);
   if (!more.ok() || !*more) {
-    report(kName, more.ok() ? absl::InvalidArgumentError(absl::StrCat(command.file, ": it has no frame"))
-                            : more.status());
+    report(kName, more.ok()
+                      ? absl::InvalidArgumentError(absl::StrCat(command.file, ": it has no frame"))
+                      : more.status());
     return kBadInput;
   }
 
@@ -94,15 +97,18 @@ int run_publish(const PublishCommand& command) {
   options.channels = info.channel_names;
   options.seed = command.seed;
   options.take_over = command.take_over;
-  options.producer = absl::StrCat("throng publish ", std::filesystem::path(command.file).filename().string());
+  options.producer =
+      absl::StrCat("throng publish ", std::filesystem::path(command.file).filename().string());
   options.expected_rate_hz = std::min(1000.0, info.fps * command.rate);
   options.walkable_area_wkt = info.walkable_area_wkt;
   options.origin_m = origin_of(frame);
   options.queue_frames = 64;
   options.agent_name = [&reader](std::uint64_t id) { return (*reader)->agent_name(id); };
   const auto wait = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * command.wait_s));
-  auto producer = Producer::connect(command.common.connection.url, command.crowd, std::move(options));
-  if (absl::Status status = producer->wait_connected(wait); !status.ok()) return report(kName, status);
+  auto producer =
+      Producer::connect(command.common.connection.url, command.crowd, std::move(options));
+  if (absl::Status status = producer->wait_connected(wait); !status.ok())
+    return report(kName, status);
 
   Pacer pacer;
   Progress progress(command.common.quiet);
@@ -119,8 +125,8 @@ int run_publish(const PublishCommand& command) {
       if (last_us != 0 && frame.time_us > last_us) spacing_us = frame.time_us - last_us;
       last_us = frame.time_us;
       const std::int64_t time_us = lap_us + frame.time_us;
-      const auto due = began + std::chrono::microseconds(
-                                   static_cast<std::int64_t>(static_cast<double>(time_us) / command.rate));
+      const auto due = began + std::chrono::microseconds(static_cast<std::int64_t>(
+                                   static_cast<double>(time_us) / command.rate));
       if (!pacer.wait_until(due)) break;
       fill_positions(frame, 0.0, positions);
       channels.assign(frame.channels.begin(), frame.channels.end());

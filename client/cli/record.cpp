@@ -13,8 +13,9 @@
 namespace throng::client {
 namespace {
 
-/// Times of recorded pictures. Arrival jitters and scene time may run at any pace or stand still, so
-/// a step of scene time counts where it is near that of the wall clock, and the wall clock elsewhere.
+/// Times of recorded pictures. Arrival jitters and scene time may run at any pace or stand still,
+/// so a step of scene time counts where it is near that of the wall clock, and the wall clock
+/// elsewhere.
 class RecordClock {
  public:
   std::int64_t next(std::int64_t scene_us, std::chrono::steady_clock::time_point now) {
@@ -68,7 +69,8 @@ int run_record(const RecordCommand& command) {
         !frame.live()) {
       return Next::kMore;
     }
-    const std::int64_t time_us = clock.next(frame.scene_time_us(), std::chrono::steady_clock::now());
+    const std::int64_t time_us =
+        clock.next(frame.scene_time_us(), std::chrono::steady_clock::now());
     seconds = static_cast<double>(time_us) * 1e-6;
     if (command.seconds.has_value() && seconds >= *command.seconds) {
       complete = true;

@@ -65,8 +65,8 @@ absl::Status stream_view(const ViewCommand& command,
   const auto connection = Connection::open(command.common.connection);
   if (!connection.ok()) return connection.status();
   const auto stub = v1::ViewService::NewStub((*connection)->channel());
-  const auto give_up = Clock::now() + std::chrono::milliseconds(
-                                          static_cast<std::int64_t>(1000 * command.wait_s));
+  const auto give_up =
+      Clock::now() + std::chrono::milliseconds(static_cast<std::int64_t>(1000 * command.wait_s));
   for (;;) {
     grpc::ClientContext context;
     (*connection)->prepare(context);

@@ -23,8 +23,8 @@ int run_watch(const ViewCommand& command, std::optional<double> seconds) {
       std::printf(
           "t=%.1f s fps=%.1f agents=%u visible=%u vertices=%llu server=%.1f ms behind=%.0f ms "
           "skipped=%llu rate=%.1f Mbit/s %s\n",
-          static_cast<double>(frame.scene_time_us()) * 1e-6, static_cast<double>(frames) / elapsed_s,
-          frame.stats().agents(), frame.stats().visible(),
+          static_cast<double>(frame.scene_time_us()) * 1e-6,
+          static_cast<double>(frames) / elapsed_s, frame.stats().agents(), frame.stats().visible(),
           static_cast<unsigned long long>(frame.stats().vertices()), frame.server_ms(),
           static_cast<double>(frame.capture_time_us() - frame.scene_time_us()) * 1e-3,
           static_cast<unsigned long long>(frame.skipped_frames()),

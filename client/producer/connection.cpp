@@ -94,8 +94,7 @@ absl::StatusOr<std::shared_ptr<const Connection>> Connection::open(ConnectionOpt
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 5'000);
   // A connection of its own for each Connection: a stream that is stuck holds up no other.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  connection->channel_ =
-      grpc::CreateCustomChannel(connection->address_, credentials, arguments);
+  connection->channel_ = grpc::CreateCustomChannel(connection->address_, credentials, arguments);
   return std::shared_ptr<const Connection>(std::move(connection));
 }
 
@@ -106,10 +105,11 @@ void Connection::prepare(grpc::ClientContext& context) const {
 absl::Status from_grpc(const grpc::Status& status, const Connection& connection) {
   const auto code = static_cast<absl::StatusCode>(status.error_code());
   if (status.error_code() == grpc::StatusCode::UNAVAILABLE) {
-    return absl::Status(code, absl::StrCat("no server answers at ", connection.address(), " (",
-                                           status.error_message(),
-                                           "); start one with 'throng-server', or name another with "
-                                           "--server or THRONG_URL"));
+    return absl::Status(
+        code,
+        absl::StrCat("no server answers at ", connection.address(), " (", status.error_message(),
+                     "); start one with 'throng-server', or name another with "
+                     "--server or THRONG_URL"));
   }
   return absl::Status(code, status.error_message());
 }

@@ -60,8 +60,7 @@ std::string bytes_of(const T* data, std::size_t count) {
 }  // namespace
 
 struct Producer::State {
-  using Stream =
-      grpc::ClientReaderWriter<v1::PublishAgentsRequest, v1::PublishAgentsResponse>;
+  using Stream = grpc::ClientReaderWriter<v1::PublishAgentsRequest, v1::PublishAgentsResponse>;
 
   std::string crowd;
   ProducerOptions options;
@@ -232,20 +231,28 @@ void Producer::State::read_acks(Stream& stream) {
   while (stream.Read(&response)) {
     const std::lock_guard lock(mutex);
     if (response.has_start()) {
-      max_chunk_bytes = std::max<std::uint64_t>(2 * kMessageOverhead, response.start().max_chunk_bytes());
+      max_chunk_bytes =
+          std::max<std::uint64_t>(2 * kMessageOverhead, response.start().max_chunk_bytes());
     } else if (response.has_frame()) {
       const v1::FrameAck& ack = response.frame();
       acked_index = std::max(acked_index, ack.frame_index());
       stats.viewers = ack.viewers();
       switch (ack.outcome()) {
-        case v1::FrameAck::OUTCOME_APPLIED: ++stats.applied; break;
-        case v1::FrameAck::OUTCOME_LATE: ++stats.late; break;
-        case v1::FrameAck::OUTCOME_INCOMPLETE: ++stats.incomplete; break;
+        case v1::FrameAck::OUTCOME_APPLIED:
+          ++stats.applied;
+          break;
+        case v1::FrameAck::OUTCOME_LATE:
+          ++stats.late;
+          break;
+        case v1::FrameAck::OUTCOME_INCOMPLETE:
+          ++stats.incomplete;
+          break;
         case v1::FrameAck::OUTCOME_UNKNOWN_EPOCH:
           ++stats.unknown_epoch;
           sent_epoch = 0;  // the next frame brings its membership again
           break;
-        default: break;
+        default:
+          break;
       }
     }
     changed.notify_all();
@@ -276,8 +283,7 @@ bool Producer::State::send(Stream& stream, const Frame& frame, std::uint64_t fra
   }
 
   const std::uint64_t agents = members.ids.size();
-  const std::uint64_t row_bytes =
-      12 + (frame.headings.empty() ? 0 : 4) + 4 * frame.channels.size();
+  const std::uint64_t row_bytes = 12 + (frame.headings.empty() ? 0 : 4) + 4 * frame.channels.size();
   const std::uint64_t rows_at_most = std::max<std::uint64_t>(1, chunk_limit / row_bytes);
   std::uint64_t first = 0;
   do {
@@ -352,9 +358,9 @@ bool Producer::publish(std::int64_t time_us, std::span<const std::uint64_t> ids,
           const double value = axis < axes ? positions[i * axes + axis] : 0.0;
           const double offset = value - state.options.origin_m[axis];
           if (!(std::abs(offset) <= kFarthestM)) {
-            error = absl::InvalidArgumentError(absl::StrCat(
-                "publish: agent ", ids[i], " stands at ", value, " m, must be within ", kFarthestM,
-                " m of the origin, ", state.options.origin_m[axis]));
+            error = absl::InvalidArgumentError(
+                absl::StrCat("publish: agent ", ids[i], " stands at ", value, " m, must be within ",
+                             kFarthestM, " m of the origin, ", state.options.origin_m[axis]));
           }
           frame.positions[3 * i + axis] = static_cast<float>(offset);
         }
@@ -366,9 +372,9 @@ bool Producer::publish(std::int64_t time_us, std::span<const std::uint64_t> ids,
     }
 
     // A new membership only where the ids, or their order, are not those of the frame before.
-    if (error.ok() && (state.members == nullptr ||
-                       !std::equal(ids.begin(), ids.end(), state.members->ids.begin(),
-                                   state.members->ids.end()))) {
+    if (error.ok() &&
+        (state.members == nullptr || !std::equal(ids.begin(), ids.end(), state.members->ids.begin(),
+                                                 state.members->ids.end()))) {
       auto members = std::make_shared<Members>();
       members->epoch = state.members != nullptr ? state.members->epoch + 1 : 1;
       members->ids.assign(ids.begin(), ids.end());
@@ -424,8 +430,8 @@ absl::Status Producer::flush(std::chrono::milliseconds timeout) {
   state.changed.wait_for(lock, timeout, [&state] { return state.idle() || state.stats.ended; });
   if (state.idle() && !state.stats.ended) return absl::OkStatus();
   if (!state.stats.last_error.ok()) return state.stats.last_error;
-  return absl::DeadlineExceededError(absl::StrCat("flush: ", state.queue.size(), " frames wait after ",
-                                                  timeout.count(), " ms"));
+  return absl::DeadlineExceededError(
+      absl::StrCat("flush: ", state.queue.size(), " frames wait after ", timeout.count(), " ms"));
 }
 
 absl::Status Producer::wait_connected(std::chrono::milliseconds timeout) {
@@ -439,9 +445,8 @@ absl::Status Producer::wait_connected(std::chrono::milliseconds timeout) {
   state.changed.wait_for(lock, timeout, [&] { return state.stats.connected || refused(); });
   if (state.stats.connected) return absl::OkStatus();
   if (!state.stats.last_error.ok()) return state.stats.last_error;
-  return absl::DeadlineExceededError(absl::StrCat("connect: no answer from ",
-                                                  state.connection->address(), " in ",
-                                                  timeout.count(), " ms"));
+  return absl::DeadlineExceededError(absl::StrCat(
+      "connect: no answer from ", state.connection->address(), " in ", timeout.count(), " ms"));
 }
 
 void Producer::close(std::chrono::milliseconds timeout) {

@@ -38,8 +38,9 @@ absl::Status check_bind(const ListenOptions& options) {
   std::uint32_t number = 0;
   if (!split_address(options.listen, host, port) || !absl::SimpleAtoi(port, &number) ||
       number > 65535) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "--listen: '", options.listen, "' is not HOST:PORT or [IPv6]:PORT with a port up to 65535"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("--listen: '", options.listen,
+                     "' is not HOST:PORT or [IPv6]:PORT with a port up to 65535"));
   }
   if (options.tls_cert_file.empty() != options.tls_key_file.empty()) {
     return absl::InvalidArgumentError("--tls-cert and --tls-key: one was given without the other");
@@ -50,8 +51,7 @@ absl::Status check_bind(const ListenOptions& options) {
   if (options.token_file.empty()) absl::StrAppend(&list, " --token-file FILE");
   if (list.empty()) return absl::OkStatus();
   return absl::FailedPreconditionError(
-      absl::StrCat("--listen: ", options.listen,
-                   " can be reached from other machines; add", list,
+      absl::StrCat("--listen: ", options.listen, " can be reached from other machines; add", list,
                    ", or --insecure if everybody there may see and feed the crowds"));
 }
 

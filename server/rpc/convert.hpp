@@ -20,7 +20,8 @@ namespace throng::server {
 /// The two libraries use the same codes.
 grpc::Status to_grpc(const absl::Status& status);
 
-/// InvalidArgument names the field: not finite, beyond 1e9 m, looking nowhere, an angle out of range.
+/// InvalidArgument names the field: not finite, beyond 1e9 m, looking nowhere, an angle out of
+/// range.
 absl::StatusOr<render::Camera> camera_from(const v1::Camera& camera);
 void fill_camera(const render::Camera& camera, v1::Camera& message);
 

@@ -54,9 +54,10 @@ absl::Status FrameAssembler::set_membership(const v1::Membership& membership) {
     return absl::ResourceExhaustedError(
         absl::StrCat("membership.ids: ", agents, " agents, at most ", max_agents_));
   }
-  if (membership.names_size() != 0 && static_cast<std::uint64_t>(membership.names_size()) != agents) {
-    return absl::InvalidArgumentError(absl::StrCat("membership.names: ", membership.names_size(),
-                                                   ", must be 0 or ", agents));
+  if (membership.names_size() != 0 &&
+      static_cast<std::uint64_t>(membership.names_size()) != agents) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("membership.names: ", membership.names_size(), ", must be 0 or ", agents));
   }
   const std::string& characters = membership.characters();
   if (!characters.empty() && characters.size() != agents * sizeof(std::int32_t)) {
@@ -127,9 +128,8 @@ absl::StatusOr<FrameAssembler::Result> FrameAssembler::add(const v1::AgentChunk&
 
   const std::uint64_t row_bytes = sizeof(glm::vec3);
   if (chunk.positions().size() % row_bytes != 0) {
-    return absl::InvalidArgumentError(absl::StrCat("chunk.positions: it has ",
-                                                   chunk.positions().size(),
-                                                   " bytes, must be a multiple of 12"));
+    return absl::InvalidArgumentError(absl::StrCat(
+        "chunk.positions: it has ", chunk.positions().size(), " bytes, must be a multiple of 12"));
   }
   const std::uint64_t rows = chunk.positions().size() / row_bytes;
   const std::uint64_t agents = frame_.membership->ids.size();

@@ -78,12 +78,16 @@ class PublishStream final : public BidiStream<v1::PublishAgentsRequest, v1::Publ
       return absl::FailedPreconditionError("message: the first one must be start");
     }
     switch (message.message_case()) {
-      case v1::PublishAgentsRequest::kStart: return start(message.start());
-      case v1::PublishAgentsRequest::kMembership: return membership(message.membership());
-      case v1::PublishAgentsRequest::kChunk: return chunk(message.chunk());
+      case v1::PublishAgentsRequest::kStart:
+        return start(message.start());
+      case v1::PublishAgentsRequest::kMembership:
+        return membership(message.membership());
+      case v1::PublishAgentsRequest::kChunk:
+        return chunk(message.chunk());
       case v1::PublishAgentsRequest::kEnvironment:
         return publication_->set_walkable_area(message.environment().walkable_area_wkt());
-      case v1::PublishAgentsRequest::MESSAGE_NOT_SET: break;
+      case v1::PublishAgentsRequest::MESSAGE_NOT_SET:
+        break;
     }
     return absl::InvalidArgumentError("message: it is none of those this server knows");
   }

@@ -169,8 +169,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(ServerOptions options,
 
   auto state = std::make_unique<State>();
   state->options = options;
-  state->registry =
-      std::make_unique<Registry>(cast, options.limits, options.playout, options.now);
+  state->registry = std::make_unique<Registry>(cast, options.limits, options.playout, options.now);
   RenderLoopOptions loop_options;
   loop_options.default_vertex_budget = options.default_vertex_budget;
   loop_options.max_pending_pictures = options.limits.max_pending_pictures;
@@ -222,8 +221,8 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(ServerOptions options,
   }
   state->server = builder.BuildAndStart();
   if (state->server == nullptr || state->port == 0) {
-    return absl::UnavailableError(absl::StrCat("--listen: can't bind ", options.listen.listen,
-                                               "; is another server there?"));
+    return absl::UnavailableError(
+        absl::StrCat("--listen: can't bind ", options.listen.listen, "; is another server there?"));
   }
   return std::unique_ptr<Server>(new Server(std::move(state)));
 }

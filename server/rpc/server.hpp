@@ -32,7 +32,8 @@ struct ServerOptions {
 class Server {
  public:
   /// Checks the bind rules, makes the renderer, opens the port. Errors as check_bind,
-  /// TokenGate::read and `make_renderer`; NotFound names a TLS file; Unavailable: the port is taken.
+  /// TokenGate::read and `make_renderer`; NotFound names a TLS file; Unavailable: the port is
+  /// taken.
   static absl::StatusOr<std::unique_ptr<Server>> start(ServerOptions options,
                                                        std::shared_ptr<const render::Cast> cast,
                                                        MakeRenderer make_renderer);

@@ -80,8 +80,9 @@ struct Services {
   }
 };
 
-/// What the two streaming handlers have in common: one read and one write in flight, `Finish` exactly
-/// once and not while a write is in flight or a message is being handled, deletion in `OnDone`.
+/// What the two streaming handlers have in common: one read and one write in flight, `Finish`
+/// exactly once and not while a write is in flight or a message is being handled, deletion in
+/// `OnDone`.
 ///
 /// A handler that works on another thread keeps a `Hold`. Any thread may call `finish` and `pump`.
 template <typename Request, typename Response>
@@ -192,8 +193,7 @@ class BidiStream : public grpc::ServerBidiReactor<Request, Response>,
       const std::lock_guard lock(mutex_);
       if (finished_ || writing_) return;
       const bool ending = finish_status_.has_value();
-      const bool may_write =
-          !broken_ && (!ending || (finish_status_->ok() && flush_before_end()));
+      const bool may_write = !broken_ && (!ending || (finish_status_->ok() && flush_before_end()));
       if (may_write && next_response(response_)) {
         write = writing_ = true;
       } else if (ending && holds_ == 0) {

@@ -1,8 +1,8 @@
 #include "server/rpc/token_gate.hpp"
 
+#include <absl/strings/ascii.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/strip.h>
-#include <absl/strings/ascii.h>
 #include <grpcpp/grpcpp.h>
 
 #include <cstring>
@@ -48,8 +48,7 @@ class TokenInterceptor final : public grpc::experimental::Interceptor {
   absl::Status verdict_;
 };
 
-class TokenInterceptorFactory final
-    : public grpc::experimental::ServerInterceptorFactoryInterface {
+class TokenInterceptorFactory final : public grpc::experimental::ServerInterceptorFactoryInterface {
  public:
   explicit TokenInterceptorFactory(std::shared_ptr<const TokenGate> gate)
       : gate_(std::move(gate)) {}

@@ -15,8 +15,8 @@ namespace throng::server {
 /// that a token can't be guessed a byte at a time; only its length shows.
 bool equal_in_constant_time(std::string_view a, std::string_view b);
 
-/// Who may call: whoever sends `authorization: Bearer TOKEN` with one of the tokens. Without tokens,
-/// everybody.
+/// Who may call: whoever sends `authorization: Bearer TOKEN` with one of the tokens. Without
+/// tokens, everybody.
 class TokenGate {
  public:
   /// One token a line; blank lines and those that begin with # do not count. NotFound and
@@ -36,8 +36,8 @@ class TokenGate {
 };
 
 /// Makes the interceptors that keep a call without a good token from everything but health: its
-/// status becomes UNAUTHENTICATED whatever the handler says, and a call to a built-in service, whose
-/// handlers do not ask the gate, is cancelled.
+/// status becomes UNAUTHENTICATED whatever the handler says, and a call to a built-in service,
+/// whose handlers do not ask the gate, is cancelled.
 std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface> make_token_interceptors(
     std::shared_ptr<const TokenGate> gate);
 

@@ -89,8 +89,8 @@ class ViewStream final : public BidiStream<v1::StreamViewRequest, v1::StreamView
     const Limits& limits = services().registry->limits();
     if (++services().viewers > limits.max_viewers) {
       --services().viewers;
-      return absl::ResourceExhaustedError(
-          absl::StrCat("StreamView: there are ", limits.max_viewers, " viewers, which is the limit"));
+      return absl::ResourceExhaustedError(absl::StrCat("StreamView: there are ", limits.max_viewers,
+                                                       " viewers, which is the limit"));
     }
     std::weak_ptr<BidiStream> weak = weak_from_this();
     auto viewer = std::make_shared<Viewer>(
@@ -153,9 +153,9 @@ class ViewService final : public v1::ViewService::CallbackService {
     if (request.format() == v1::GetPictureRequest::FORMAT_PNG) {
       picture.format = ImageFormat::kPng;
     } else if (request.format() != v1::GetPictureRequest::FORMAT_JPEG) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("format: it is ", static_cast<int>(request.format()),
-                       ", must be FORMAT_JPEG or FORMAT_PNG"));
+      return absl::InvalidArgumentError(absl::StrCat("format: it is ",
+                                                     static_cast<int>(request.format()),
+                                                     ", must be FORMAT_JPEG or FORMAT_PNG"));
     }
     absl::Status status = apply_options(request.options(), *services_.registry, picture.view);
     if (!status.ok()) return status;

@@ -9,9 +9,9 @@
 
 namespace throng::server {
 
-/// Threads for work that a gRPC reaction must not do itself: gRPC has few threads for reactions, and
-/// one that computes for milliseconds holds up every other stream. A stream posts one task at a time,
-/// so the queue is never longer than there are streams.
+/// Threads for work that a gRPC reaction must not do itself: gRPC has few threads for reactions,
+/// and one that computes for milliseconds holds up every other stream. A stream posts one task at a
+/// time, so the queue is never longer than there are streams.
 class Worker {
  public:
   explicit Worker(unsigned threads);

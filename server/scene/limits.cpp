@@ -7,16 +7,16 @@ namespace throng::server {
 absl::Status check_crowd_name(const std::string& name) {
   constexpr std::size_t kLongest = 100;
   if (name.empty() || name.size() > kLongest) {
-    return absl::InvalidArgumentError(absl::StrCat("crowd_name: it has ", name.size(),
-                                                   " characters, must have 1 to ", kLongest));
+    return absl::InvalidArgumentError(
+        absl::StrCat("crowd_name: it has ", name.size(), " characters, must have 1 to ", kLongest));
   }
   for (const char c : name) {
     const bool good = (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') ||
                       c == '_' || c == '.' || c == '-';
     if (!good) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("crowd_name: byte 0x", absl::Hex(static_cast<unsigned char>(c), absl::kZeroPad2),
-                       " is not one of A-Z a-z 0-9 _ . -"));
+      return absl::InvalidArgumentError(absl::StrCat(
+          "crowd_name: byte 0x", absl::Hex(static_cast<unsigned char>(c), absl::kZeroPad2),
+          " is not one of A-Z a-z 0-9 _ . -"));
     }
   }
   return absl::OkStatus();

@@ -12,7 +12,7 @@ constexpr double kForgetSeconds = 10.0;  // nobody looked for this long: start a
 constexpr double kMarginM = 1.0;         // around the agents' positions
 constexpr double kLeastSizeM = 6.0;
 constexpr double kAgentHeightM = 2.0;
-constexpr double kRestM = 1e-3;          // closer than this the box stands still, so frames repeat
+constexpr double kRestM = 1e-3;  // closer than this the box stands still, so frames repeat
 
 WorldBox padded(const WorldBox& agents) {
   WorldBox box;

@@ -18,9 +18,9 @@ struct PlayoutSettings {
 /// Frames come in jumps; people must walk smoothly. The playhead therefore runs with the wall clock
 /// at the producer's own pace (1 for a live simulation, measured over the last two seconds), a
 /// playout delay behind the newest frame, so that there is nearly always a newer snapshot to
-/// interpolate towards. It catches up or falls back by at most a quarter of that pace, never goes
-/// backwards, jumps only when it is seconds off, and holds on the newest frame when the producer
-/// stops. Not thread safe.
+/// interpolate towards. The delay is a multiple of the frame spacing and what arrivals jitter by.
+/// It catches up or falls back by at most a quarter of that pace, never goes backwards, jumps only
+/// when it is seconds off, and holds on the newest frame when the producer stops. Not thread safe.
 class PlayoutClock {
  public:
   explicit PlayoutClock(PlayoutSettings settings = {}) : settings_(settings) {}
@@ -50,6 +50,7 @@ class PlayoutClock {
   double expected_rate_hz_ = 0.0;
   std::deque<Sample> samples_;  // of the last two seconds
   double pace_ = 1.0;
+  double lead_us_ = 0.0;  // scene time by which the earliest frames came before the newest's line
   std::chrono::microseconds delay_{150'000};
   double playhead_us_ = 0.0;
   Clock::time_point playhead_at_{};

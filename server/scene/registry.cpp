@@ -26,8 +26,8 @@ absl::Status check(const StartRequest& request, const Limits& limits) {
   for (int axis = 0; axis < 3; ++axis) {
     const double value = request.origin_world[axis];
     if (!std::isfinite(value) || std::abs(value) > kFarthestOriginM) {
-      return absl::InvalidArgumentError(absl::StrCat("start.origin: ", value,
-                                                     " m, must be within +-", kFarthestOriginM));
+      return absl::InvalidArgumentError(
+          absl::StrCat("start.origin: ", value, " m, must be within +-", kFarthestOriginM));
     }
   }
   if (!(request.expected_rate_hz >= 0.0 && request.expected_rate_hz <= kHighestRateHz)) {
@@ -41,8 +41,10 @@ absl::Status check(const StartRequest& request, const Limits& limits) {
   }
   std::set<std::string> names;
   for (const ChannelInfo& channel : request.channels) {
-    if (absl::Status status = check_text("channels.name", channel.name); !status.ok()) return status;
-    if (absl::Status status = check_text("channels.unit", channel.unit); !status.ok()) return status;
+    if (absl::Status status = check_text("channels.name", channel.name); !status.ok())
+      return status;
+    if (absl::Status status = check_text("channels.unit", channel.unit); !status.ok())
+      return status;
     if (channel.name.empty() || !names.insert(channel.name).second) {
       return absl::InvalidArgumentError(
           absl::StrCat("start.channels: '", channel.name, "' is empty or there twice"));
@@ -101,6 +103,7 @@ CrowdReport NamedCrowd::report() const {
   report.frames = counters.frames;
   report.late_frames = counters.late_frames + counters.duplicate_frames;
   report.oldest_time_us = crowd_->oldest_time_us();
+  report.history_bytes = crowd_->history_bytes();
   report.box = {start_.origin_world, start_.origin_world};
   if (const std::shared_ptr<const render::Snapshot> newest = crowd_->newest()) {
     report.newest_time_us = newest->time_us;
@@ -159,8 +162,8 @@ absl::Status Publication::set_walkable_area(std::string wkt) {
   return absl::OkStatus();
 }
 
-Registry::Registry(std::shared_ptr<const render::Cast> cast, Limits limits,
-                   PlayoutSettings playout, Now now)
+Registry::Registry(std::shared_ptr<const render::Cast> cast, Limits limits, PlayoutSettings playout,
+                   Now now)
     : cast_(std::move(cast)), limits_(limits), playout_(playout), now_(std::move(now)) {}
 
 absl::StatusOr<std::unique_ptr<Publication>> Registry::start(StartRequest request,
@@ -213,8 +216,7 @@ absl::StatusOr<std::unique_ptr<Publication>> Registry::start(StartRequest reques
       named->incomplete_frames_ = 0;
     }
     named->start_ = std::move(request);
-    publication.reset(
-        new Publication(now_, limits_.max_environment_bytes, named, named->owner_));
+    publication.reset(new Publication(now_, limits_.max_environment_bytes, named, named->owner_));
     crowds_[named->name()] = named;
   }
   // Outside the locks: it ends a stream, which may let go of that stream's publication.

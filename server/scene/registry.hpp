@@ -61,8 +61,8 @@ struct Moment {
   std::shared_ptr<const render::Crowd> crowd;  // of the current run, never null
   std::int64_t scene_time_us = 0;
   std::int64_t newest_time_us = 0;
-  bool live = false;   // a producer is connected
-  WorldBox overview;   // what an overview camera shows
+  bool live = false;  // a producer is connected
+  WorldBox overview;  // what an overview camera shows
 };
 
 class Registry;
@@ -124,8 +124,10 @@ class Publication {
   friend class Registry;
   Publication(Now now, std::uint32_t max_environment_bytes, std::shared_ptr<NamedCrowd> crowd,
               std::uint64_t id)
-      : now_(std::move(now)), max_environment_bytes_(max_environment_bytes),
-        crowd_(std::move(crowd)), id_(id) {}
+      : now_(std::move(now)),
+        max_environment_bytes_(max_environment_bytes),
+        crowd_(std::move(crowd)),
+        id_(id) {}
 
   Now now_;
   std::uint32_t max_environment_bytes_;
@@ -137,8 +139,9 @@ class Publication {
 class Registry {
  public:
   /// `cast` is what crowds choose characters from; it is shared with the renderer.
-  Registry(std::shared_ptr<const render::Cast> cast, Limits limits, PlayoutSettings playout = {},
-           Now now = [] { return Clock::now(); });
+  Registry(
+      std::shared_ptr<const render::Cast> cast, Limits limits, PlayoutSettings playout = {},
+      Now now = [] { return Clock::now(); });
 
   /// Opens a crowd for one producer and creates it if need be. The run that the crowd already
   /// shows is continued when `run_id` is the same (a producer that reconnects, which also ends its

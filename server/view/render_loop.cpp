@@ -228,9 +228,8 @@ bool RenderLoop::State::next_work(std::optional<PictureRequest>& request, Recipi
     if (!orphans.empty()) {
       lock.unlock();
       for (const auto& viewer : orphans) {
-        viewer->end(absl::NotFoundError(absl::StrCat("crowd_name: crowd '",
-                                                     viewer->request().crowd->name(),
-                                                     "' was deleted")));
+        viewer->end(absl::NotFoundError(
+            absl::StrCat("crowd_name: crowd '", viewer->request().crowd->name(), "' was deleted")));
       }
       orphans.clear();
       lock.lock();
@@ -250,8 +249,8 @@ bool RenderLoop::State::next_work(std::optional<PictureRequest>& request, Recipi
     // rendered twice is.
     request.emplace();
     request->view = first->request();
-    const auto soon = now + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
-                                0.5 / request->view.max_rate_hz));
+    const auto soon = now + std::chrono::duration_cast<Clock::duration>(
+                                std::chrono::duration<double>(0.5 / request->view.max_rate_hz));
     for (const std::shared_ptr<Viewer>& viewer : viewers) {
       const std::optional<Clock::time_point> due = viewer->due();
       if (!due.has_value() || *due > soon) continue;
@@ -371,8 +370,8 @@ void RenderLoop::State::encode_thread() {
     absl::Status status;
     const render::Picture& picture = current.picture;
     if (current.format == ImageFormat::kJpeg) {
-      const auto bytes = jpeg.encode(picture.rgbx, picture.width_px, picture.height_px,
-                                     current.jpeg_quality);
+      const auto bytes =
+          jpeg.encode(picture.rgbx, picture.width_px, picture.height_px, current.jpeg_quality);
       status = bytes.status();
       if (bytes.ok()) current.frame->image.assign(bytes->begin(), bytes->end());
     } else {

@@ -104,8 +104,7 @@ std::uint64_t Viewer::begin_frame(Clock::time_point now) {
   const std::lock_guard lock(mutex_);
   // Frames that came due while the viewer had no room were skipped, because it was slow.
   if (has_room() && room_since_ > next_due_) {
-    const std::uint64_t missed =
-        static_cast<std::uint64_t>((room_since_ - next_due_) / period());
+    const std::uint64_t missed = static_cast<std::uint64_t>((room_since_ - next_due_) / period());
     skipped_ += missed;
     newest_index_ += missed;
   }

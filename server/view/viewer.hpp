@@ -53,9 +53,9 @@ struct OutgoingFrame {
   std::shared_ptr<const EncodedFrame> frame;
 };
 
-/// One viewer between the render loop and its connection: pace, credits and a one-deep slot in which
-/// the newest frame wins. Frames are only made for a viewer that has room, so a slow one costs
-/// nothing and, once it has room again, gets the present and not the past. Thread safe.
+/// One viewer between the render loop and its connection: pace, credits and a one-deep slot in
+/// which the newest frame wins. Frames are only made for a viewer that has room, so a slow one
+/// costs nothing and, once it has room again, gets the present and not the past. Thread safe.
 class Viewer {
  public:
   /// @param max_in_flight  frames beyond the last acknowledged one.

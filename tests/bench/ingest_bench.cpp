@@ -1,5 +1,5 @@
-// Frames per second through real gRPC on loopback: client, transport, assembling, derived columns and
-// acknowledgement, in one process on the machine's cores.
+// Frames per second through real gRPC on loopback: client, transport, assembling, derived columns
+// and acknowledgement, in one process on the machine's cores.
 #include <benchmark/benchmark.h>
 #include <grpcpp/grpcpp.h>
 #include <spdlog/spdlog.h>
@@ -18,8 +18,8 @@
 namespace throng {
 namespace {
 
-constexpr std::uint64_t kInFlight = 4;     // frames that are sent before the first ack is waited for
-constexpr std::uint64_t kLaps = 16;        // different frames; then they repeat with later times
+constexpr std::uint64_t kInFlight = 4;  // frames that are sent before the first ack is waited for
+constexpr std::uint64_t kLaps = 16;     // different frames; then they repeat with later times
 constexpr std::uint32_t kChunkAgents = 50'000;
 
 template <typename T>
@@ -58,8 +58,7 @@ void BM_Ingest(benchmark::State& state) {
   const bool with_headings = state.range(1) != 0;
   const auto server = start_server();
   if (server == nullptr) return state.SkipWithError("no server");
-  const auto channel =
-      grpc::CreateChannel(server->address(), grpc::InsecureChannelCredentials());
+  const auto channel = grpc::CreateChannel(server->address(), grpc::InsecureChannelCredentials());
   const auto stub = v1::IngestService::NewStub(channel);
   grpc::ClientContext context;
   const auto stream = stub->PublishAgents(&context);
@@ -147,10 +146,14 @@ void BM_Publish(benchmark::State& state) {
   if (producer->stats().applied != producer->stats().published) {
     state.SkipWithError("frames were not applied");
   }
-  state.counters["frames/s"] = benchmark::Counter(static_cast<double>(time_us) / 40'000.0,
-                                                  benchmark::Counter::kIsRate);
+  state.counters["frames/s"] =
+      benchmark::Counter(static_cast<double>(time_us) / 40'000.0, benchmark::Counter::kIsRate);
 }
-BENCHMARK(BM_Publish)->Arg(100'000)->ArgName("agents")->UseRealTime()->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_Publish)
+    ->Arg(100'000)
+    ->ArgName("agents")
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace throng

@@ -56,8 +56,8 @@ TEST(CameraTextTest, ReadsEyeAndTarget) {
   ASSERT_TRUE(camera.has_value());
   EXPECT_EQ(camera->eye[1], -2.5);
   EXPECT_EQ(camera->target[2], 60.0);
-  for (const char* text : {"", "1,2,3", "1,2,3,4,5,6", "1,2:3,4,5,6:7", "1,2,3:4,5", "a,2,3:4,5,6",
-                           "nan,2,3:4,5,6"}) {
+  for (const char* text :
+       {"", "1,2,3", "1,2,3,4,5,6", "1,2:3,4,5,6:7", "1,2,3:4,5", "a,2,3:4,5,6", "nan,2,3:4,5,6"}) {
     EXPECT_FALSE(parse_camera(text).has_value()) << text;
   }
 }
@@ -103,9 +103,9 @@ TEST(CommandTest, UsageErrorsExitWithTwo) {
 TEST(CommandTest, BadFilesExitWithThreeAndOneClearLine) {
   const TemporaryFolder folder;
   std::ofstream(folder.file("bad.csv")) << "t,id,x,y\n0,1,2,north\n";
-  for (const std::string& command : {"info " + folder.file("absent.csv"),
-                                     "info " + folder.file("bad.csv"),
-                                     "publish " + folder.file("bad.csv") + " --crowd a"}) {
+  for (const std::string& command :
+       {"info " + folder.file("absent.csv"), "info " + folder.file("bad.csv"),
+        "publish " + folder.file("bad.csv") + " --crowd a"}) {
     const Outcome outcome = run(command);
     EXPECT_EQ(outcome.code, kBadInput) << command << outcome.err;
     EXPECT_THAT(outcome.err, HasSubstr(".csv"));
@@ -137,12 +137,11 @@ TEST(CommandTest, PublishesRecordsAndLists) {
   const TemporaryFolder folder;
   const std::string at = " --quiet --server " + server.address();
   Outcome published;
-  std::thread publishing([&] {
-    published = run("publish " + write_csv(folder) + " --crowd walk --rate 2" + at);
-  });
+  std::thread publishing(
+      [&] { published = run("publish " + write_csv(folder) + " --crowd walk --rate 2" + at); });
   // Waits for the crowd by itself, and ends after the producer has left.
-  const Outcome recorded = run("record --crowd walk --wait 60 --size 64x48 -o " +
-                               folder.file("film.mp4") + at);
+  const Outcome recorded =
+      run("record --crowd walk --wait 60 --size 64x48 -o " + folder.file("film.mp4") + at);
   publishing.join();
   EXPECT_EQ(published.code, kOk) << published.err;
   EXPECT_EQ(recorded.code, kOk) << recorded.err;

@@ -11,8 +11,8 @@ namespace throng::client {
 namespace {
 
 using std::chrono::milliseconds;
-using testing::HasSubstr;
 using test::TestServer;
+using testing::HasSubstr;
 
 constexpr milliseconds kLong{60'000};
 
@@ -87,7 +87,8 @@ TEST(ProducerTest, ColumnsThatDoNotFitAreRejectedHere) {
   EXPECT_FALSE(producer->publish(0, ids_to(1), std::vector<double>{nan, 0.0}));
   EXPECT_FALSE(producer->publish(0, ids_to(1), std::vector<double>{1e9, 0.0}));
   EXPECT_FALSE(producer->publish(0, std::vector<std::uint64_t>{7, 7}, std::vector<double>(4)));
-  EXPECT_THAT(std::string(producer->stats().last_error.message()), HasSubstr("id 7 is there twice"));
+  EXPECT_THAT(std::string(producer->stats().last_error.message()),
+              HasSubstr("id 7 is there twice"));
   EXPECT_TRUE(publish_tenths(*producer, 1, 2));
   EXPECT_TRUE(producer->flush(kLong).ok());
   EXPECT_EQ(producer->stats().rejected, 5U);

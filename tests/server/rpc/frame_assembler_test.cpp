@@ -228,7 +228,9 @@ TEST_F(FrameAssemblerTest, ChannelsMayBeMissing) {
 
 TEST_F(FrameAssemblerTest, RandomMessagesNeverBreakIt) {
   std::mt19937 random(1);
-  const auto pick = [&](std::uint32_t below) { return static_cast<std::uint32_t>(random() % below); };
+  const auto pick = [&](std::uint32_t below) {
+    return static_cast<std::uint32_t>(random() % below);
+  };
   int complete = 0;
   for (int i = 0; i < 20'000; ++i) {
     if (pick(10) == 0) {

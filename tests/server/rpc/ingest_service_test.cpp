@@ -141,14 +141,31 @@ TEST(IngestServiceTest, HostileMessagesGetTheirStatusAndOthersAreServed) {
     const char* text;
   };
   const std::vector<Case> cases = {
-      {"nothing first", [](Publishing& p) { p.send({}); }, grpc::StatusCode::FAILED_PRECONDITION, "start"},
-      {"membership first", [](Publishing& p) { p.membership(1, {1}); }, grpc::StatusCode::FAILED_PRECONDITION, "start"},
-      {"bad name", [](Publishing& p) { p.start("../etc"); }, grpc::StatusCode::INVALID_ARGUMENT, "crowd_name"},
-      {"start twice", [](Publishing& p) { p.start("hostile", ""); p.start("hostile", ""); }, grpc::StatusCode::INVALID_ARGUMENT, "start"},
+      {"nothing first", [](Publishing& p) { p.send({}); }, grpc::StatusCode::FAILED_PRECONDITION,
+       "start"},
+      {"membership first", [](Publishing& p) { p.membership(1, {1}); },
+       grpc::StatusCode::FAILED_PRECONDITION, "start"},
+      {"bad name", [](Publishing& p) { p.start("../etc"); }, grpc::StatusCode::INVALID_ARGUMENT,
+       "crowd_name"},
+      {"start twice",
+       [](Publishing& p) {
+         p.start("hostile", "");
+         p.start("hostile", "");
+       },
+       grpc::StatusCode::INVALID_ARGUMENT, "start"},
       {"empty message", request([](auto&) {}), grpc::StatusCode::INVALID_ARGUMENT, "message"},
-      {"too many agents", request([](auto& m) { m.mutable_membership()->set_epoch(2); m.mutable_membership()->set_ids(std::string(8008, 'x')); }), grpc::StatusCode::RESOURCE_EXHAUSTED, "at most 1000"},
-      {"same id twice", request([](auto& m) { m.mutable_membership()->set_epoch(2); m.mutable_membership()->set_ids(std::string(16, 'x')); }), grpc::StatusCode::INVALID_ARGUMENT, "twice"},
-      {"unknown character", [](Publishing& p) {
+      {"too many agents", request([](auto& m) {
+         m.mutable_membership()->set_epoch(2);
+         m.mutable_membership()->set_ids(std::string(8008, 'x'));
+       }),
+       grpc::StatusCode::RESOURCE_EXHAUSTED, "at most 1000"},
+      {"same id twice", request([](auto& m) {
+         m.mutable_membership()->set_epoch(2);
+         m.mutable_membership()->set_ids(std::string(16, 'x'));
+       }),
+       grpc::StatusCode::INVALID_ARGUMENT, "twice"},
+      {"unknown character",
+       [](Publishing& p) {
          p.start("hostile", "");
          v1::PublishAgentsRequest m;
          m.mutable_membership()->set_epoch(1);
@@ -156,20 +173,34 @@ TEST(IngestServiceTest, HostileMessagesGetTheirStatusAndOthersAreServed) {
          m.mutable_membership()->set_characters(bytes_of<std::int32_t>({77}));
          p.send(m);
          p.chunk(1, 1, 0, 1);
-       }, grpc::StatusCode::INVALID_ARGUMENT, "character"},
-      {"rows beyond", [](Publishing& p) { p.start("hostile", ""); p.membership(1, {1}); p.chunk(1, 1, 0xfffffff0U, 4); }, grpc::StatusCode::INVALID_ARGUMENT, "rows"},
+       },
+       grpc::StatusCode::INVALID_ARGUMENT, "character"},
+      {"rows beyond",
+       [](Publishing& p) {
+         p.start("hostile", "");
+         p.membership(1, {1});
+         p.chunk(1, 1, 0xfffffff0U, 4);
+       },
+       grpc::StatusCode::INVALID_ARGUMENT, "rows"},
       {"position of NaN", request([](auto& m) {
          m.mutable_chunk()->set_frame_index(1);
          m.mutable_chunk()->set_epoch(1);
-         m.mutable_chunk()->set_positions(bytes_of(std::vector<float>(6, std::numeric_limits<float>::quiet_NaN())));
-       }), grpc::StatusCode::INVALID_ARGUMENT, "position"},
-      {"oversized message", request([](auto& m) { m.mutable_environment()->set_walkable_area_wkt(std::string(2 << 20, ' ')); }), grpc::StatusCode::RESOURCE_EXHAUSTED, "larger"},
-      {"origin of NaN", [](Publishing& p) {
+         m.mutable_chunk()->set_positions(
+             bytes_of(std::vector<float>(6, std::numeric_limits<float>::quiet_NaN())));
+       }),
+       grpc::StatusCode::INVALID_ARGUMENT, "position"},
+      {"oversized message", request([](auto& m) {
+         m.mutable_environment()->set_walkable_area_wkt(std::string(2 << 20, ' '));
+       }),
+       grpc::StatusCode::RESOURCE_EXHAUSTED, "larger"},
+      {"origin of NaN",
+       [](Publishing& p) {
          v1::PublishAgentsRequest m;
          m.mutable_start()->set_crowd_name("hostile");
          m.mutable_start()->mutable_origin()->set_x(std::numeric_limits<double>::quiet_NaN());
          p.send(m);
-       }, grpc::StatusCode::INVALID_ARGUMENT, "origin"},
+       },
+       grpc::StatusCode::INVALID_ARGUMENT, "origin"},
   };
   std::uint64_t frame = 0;
   for (const Case& test : cases) {

@@ -84,7 +84,8 @@ TEST(TokenGateTest, ReadsTokensFromAFileAndRefusesWeakOnes) {
     std::ofstream(folder.file(name)) << text;
     return TokenGate::read(folder.file(name));
   };
-  const auto gate = written("good", "# for the lab\n\n  a-long-enough-token \nanother-good-token!\n");
+  const auto gate =
+      written("good", "# for the lab\n\n  a-long-enough-token \nanother-good-token!\n");
   ASSERT_TRUE(gate.ok()) << gate.status();
   const std::string_view header = "Bearer a-long-enough-token";
   EXPECT_TRUE(gate->check(&header).ok());

@@ -18,7 +18,8 @@ constexpr const char* kToken = "a-token-that-is-long-enough";
 const std::string kServing("\x08\x01", 2), kNotServing("\x08\x02", 2);
 // ServerReflectionRequest { list_services: "" }
 const std::string kListServices("\x3a\x00", 2);
-constexpr const char* kReflection = "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo";
+constexpr const char* kReflection =
+    "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo";
 
 grpc::Status server_info(const std::shared_ptr<grpc::Channel>& channel,
                          v1::GetServerInfoResponse& response, const std::string& token = {}) {
@@ -104,8 +105,7 @@ TEST(ServerTest, ListsCrowdsByName) {
   ASSERT_TRUE(b.read().has_value() && a.read().has_value());
   grpc::ClientContext context;
   v1::ListCrowdsResponse crowds;
-  ASSERT_TRUE(
-      v1::CrowdService::NewStub(server.channel())->ListCrowds(&context, {}, &crowds).ok());
+  ASSERT_TRUE(v1::CrowdService::NewStub(server.channel())->ListCrowds(&context, {}, &crowds).ok());
   ASSERT_EQ(crowds.crowds_size(), 2);
   EXPECT_EQ(crowds.crowds(0).name(), "a");
   EXPECT_EQ(crowds.crowds(1).name(), "b");

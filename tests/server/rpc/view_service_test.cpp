@@ -190,9 +190,8 @@ TEST_F(ViewServiceTest, EndsViewsOfACrowdThatIsDeleted) {
   v1::DeleteCrowdRequest request;
   request.set_crowd_name("station");
   v1::DeleteCrowdResponse response;
-  ASSERT_TRUE(v1::CrowdService::NewStub(server->channel())
-                  ->DeleteCrowd(&context, request, &response)
-                  .ok());
+  ASSERT_TRUE(
+      v1::CrowdService::NewStub(server->channel())->DeleteCrowd(&context, request, &response).ok());
   EXPECT_EQ(viewing.end().error_code(), grpc::StatusCode::NOT_FOUND);
 }
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdint>
 
 #include "server/scene/overview.hpp"
@@ -23,8 +24,9 @@ void play(PlayoutClock& clock, double rate_hz, double pace, double seconds, Look
   double next_frame_us = 0;
   for (double wall_us = 0; wall_us < seconds * 1e6; wall_us += 1e6 / 60) {
     while (next_frame_us <= wall_us) {
-      clock.on_frame(scene_begin_us + static_cast<std::int64_t>(next_frame_us * pace),
-                     kBegin + microseconds(wall_begin_us + static_cast<std::int64_t>(next_frame_us)));
+      clock.on_frame(
+          scene_begin_us + static_cast<std::int64_t>(next_frame_us * pace),
+          kBegin + microseconds(wall_begin_us + static_cast<std::int64_t>(next_frame_us)));
       next_frame_us += period_us;
     }
     const auto now = kBegin + microseconds(wall_begin_us + static_cast<std::int64_t>(wall_us));
@@ -51,6 +53,29 @@ TEST(PlayoutClockTest, FollowsALiveProducerSmoothlyOneAndAHalfPeriodsBehind) {
     }
     before_us = scene_us;
   });
+}
+
+TEST(PlayoutClockTest, ArrivalsThatJitterAreCoveredByTheDelay) {
+  PlayoutClock clock;
+  clock.start(25.0);
+  std::uint32_t random = 1;
+  std::int64_t frame = 0, before_us = 0, next_us = 0, arrived_us = 0;
+  for (std::int64_t wall_us = 0; wall_us < 10'000'000; wall_us += 16'667) {
+    while (next_us <= wall_us) {
+      clock.on_frame(40'000 * frame++, kBegin + microseconds(next_us));
+      arrived_us = next_us;
+      // up to 100 ms late, but never out of order
+      random = random * 1664525U + 1013904223U;
+      next_us =
+          std::max(arrived_us, 40'000 * frame + static_cast<std::int64_t>(random >> 8) % 100'000);
+    }
+    const std::int64_t scene_us = clock.at(kBegin + microseconds(wall_us));
+    if (wall_us > 4'000'000) {
+      EXPECT_GT(scene_us - before_us, 16'667 * 7 / 10) << wall_us;
+      EXPECT_LT(scene_us - before_us, 16'667 * 13 / 10) << wall_us;
+    }
+    before_us = scene_us;
+  }
 }
 
 TEST(PlayoutClockTest, HoldsFirstFrameUntilTheDelayIsFilled) {

@@ -37,7 +37,8 @@ render::AgentFrame frame_of(std::int64_t time_us, std::vector<glm::vec3> positio
 
 class RegistryTest : public testing::Test {
  protected:
-  std::unique_ptr<Publication> open(StartRequest request, std::function<void()> revoked = [] {}) {
+  std::unique_ptr<Publication> open(
+      StartRequest request, std::function<void()> revoked = [] {}) {
     auto publication = registry.start(std::move(request), std::move(revoked));
     EXPECT_TRUE(publication.ok()) << publication.status();
     return publication.ok() ? *std::move(publication) : nullptr;

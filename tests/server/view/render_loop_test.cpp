@@ -16,7 +16,8 @@ namespace {
 
 constexpr std::chrono::seconds kDeadline{30};
 
-/// A viewer with a connection that takes everything and acknowledges at once, unless it is told not to.
+/// A viewer with a connection that takes everything and acknowledges at once, unless it is told not
+/// to.
 class Client {
  public:
   explicit Client(ViewRequest request, bool acks = true)
@@ -119,8 +120,8 @@ TEST_F(RenderLoopTest, ShowsEachViewerItsOwnCamera) {
   loop_.reset();
   const auto color = [](const Client& client) {
     const std::string& jpeg = client.frames[0].frame->image;
-    const auto image = render::decode_jpeg(
-        {reinterpret_cast<const std::uint8_t*>(jpeg.data()), jpeg.size()});
+    const auto image =
+        render::decode_jpeg({reinterpret_cast<const std::uint8_t*>(jpeg.data()), jpeg.size()});
     return image->rgbx.at(0);
   };
   EXPECT_NEAR(color(red), 200, 4);
@@ -193,12 +194,15 @@ TEST_F(RenderLoopTest, PictureAtAGivenTimeAsPng) {
   request.view = request_of(77.0);
   request.format = ImageFormat::kPng;
   request.scene_time_us = 1'500'000;
-  ASSERT_TRUE(loop_->picture(request, [&](auto frame) {
-    ASSERT_TRUE(frame.ok());
-    const std::lock_guard lock(mutex);
-    got = *frame;
-    changed.notify_all();
-  }).ok());
+  ASSERT_TRUE(loop_
+                  ->picture(request,
+                            [&](auto frame) {
+                              ASSERT_TRUE(frame.ok());
+                              const std::lock_guard lock(mutex);
+                              got = *frame;
+                              changed.notify_all();
+                            })
+                  .ok());
   std::unique_lock lock(mutex);
   ASSERT_TRUE(changed.wait_for(lock, kDeadline, [&] { return got != nullptr; }));
   EXPECT_EQ(got->scene_time_us, 1'500'000);

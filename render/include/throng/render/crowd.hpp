@@ -91,6 +91,10 @@ class Crowd {
   Bracket bracket(std::int64_t time_us) const;
   std::shared_ptr<const Snapshot> newest() const;
   std::int64_t oldest_time_us() const;  // 0 while empty
+  std::size_t history_bytes() const {   // what the snapshots take, as far as the limit counts it
+    const std::lock_guard lock(mutex_);
+    return history_bytes_;
+  }
   CrowdCounters counters() const;
   const CrowdSettings& settings() const { return settings_; }
   const Cast& cast() const { return *cast_; }

@@ -17,8 +17,9 @@ namespace throng::client {
 
 /// Where a server is and how to speak to it.
 struct ConnectionOptions {
-  std::string url;         // HOST:PORT, grpc://HOST:PORT, grpcs://HOST:PORT (TLS); empty: default_url()
-  std::string ca_file;     // PEM of who signed the server's certificate; empty: the system's; wants TLS
+  std::string url;  // HOST:PORT, grpc://HOST:PORT, grpcs://HOST:PORT (TLS); empty: default_url()
+  std::string
+      ca_file;  // PEM of who signed the server's certificate; empty: the system's; wants TLS
   std::string token_file;  // its first line that is not blank or a # comment is shown to the server
 };
 

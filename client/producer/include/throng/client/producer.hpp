@@ -17,44 +17,44 @@
 namespace throng::client {
 
 struct ProducerOptions {
-  ConnectionOptions connection;         // url is set by `connect`
-  std::array<double, 3> origin_m{};     // positions are sent as float32 offsets from it
-  std::vector<std::string> channels;    // names of the columns that frames carry
-  std::vector<std::string> units;       // empty, or one for each channel
-  std::uint64_t seed = 0;               // with the agent's id, decides character, tint and size
+  ConnectionOptions connection;       // url is set by `connect`
+  std::array<double, 3> origin_m{};   // positions are sent as float32 offsets from it
+  std::vector<std::string> channels;  // names of the columns that frames carry
+  std::vector<std::string> units;     // empty, or one for each channel
+  std::uint64_t seed = 0;             // with the agent's id, decides character, tint and size
   std::string producer = "throng C++ producer";  // free text for the server's log
-  std::string run_id;                   // empty: a new one
-  double expected_rate_hz = 0.0;        // frames per second; 0: unknown
-  bool take_over = false;               // end another producer's stream on this crowd
-  std::size_t queue_frames = 8;         // frames that wait at most; the oldest is dropped
-  std::string walkable_area_wkt;        // sent after each connect, unless empty
+  std::string run_id;                            // empty: a new one
+  double expected_rate_hz = 0.0;                 // frames per second; 0: unknown
+  bool take_over = false;                        // end another producer's stream on this crowd
+  std::size_t queue_frames = 8;                  // frames that wait at most; the oldest is dropped
+  std::string walkable_area_wkt;                 // sent after each connect, unless empty
   // Name of an agent whose id is the hash of a string, or empty; asked when the membership changes.
   std::function<std::string(std::uint64_t)> agent_name;
 };
 
 /// Counters since `connect`.
 struct ProducerStats {
-  std::uint64_t published = 0;       // calls of publish
-  std::uint64_t rejected = 0;        // of them, with columns that do not fit
-  std::uint64_t dropped = 0;         // pushed out of the full queue, or lost with a connection
+  std::uint64_t published = 0;  // calls of publish
+  std::uint64_t rejected = 0;   // of them, with columns that do not fit
+  std::uint64_t dropped = 0;    // pushed out of the full queue, or lost with a connection
   std::uint64_t sent = 0;
-  std::uint64_t applied = 0;         // acknowledged by the server
+  std::uint64_t applied = 0;  // acknowledged by the server
   std::uint64_t late = 0;
   std::uint64_t incomplete = 0;
-  std::uint64_t unknown_epoch = 0;   // the membership was sent again
+  std::uint64_t unknown_epoch = 0;  // the membership was sent again
   std::uint64_t connects = 0;
-  std::uint32_t viewers = 0;         // that look at the crowd now
+  std::uint32_t viewers = 0;  // that look at the crowd now
   bool connected = false;
-  bool ended = false;                // for good: another producer took the crowd over
-  absl::Status last_error;           // why the last connection ended, OK at first
+  bool ended = false;       // for good: another producer took the crowd over
+  absl::Status last_error;  // why the last connection ended, OK at first
 };
 
-/// Publishes the agents of one crowd. It never blocks and never throws into the simulation: frames go
-/// into a short queue whose oldest is dropped, and a thread of its own sends them, reconnects with
-/// back-off, and says start and membership again on every new connection.
+/// Publishes the agents of one crowd. It never blocks and never throws into the simulation: frames
+/// go into a short queue whose oldest is dropped, and a thread of its own sends them, reconnects
+/// with back-off, and says start and membership again on every new connection.
 ///
-/// World frame: right-handed, +Z up, metres, seconds, headings in radians counter-clockwise from +X.
-/// Used by one thread at a time.
+/// World frame: right-handed, +Z up, metres, seconds, headings in radians counter-clockwise from
+/// +X. Used by one thread at a time.
 class Producer {
  public:
   /// Does not wait for the server. Bad options are told by `stats().last_error` (and `ended`).
