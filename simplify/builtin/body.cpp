@@ -401,7 +401,7 @@ TrunkKeys trunk_keys(const Figure& figure) {
 glm::vec3 shape_face(const Figure& figure, glm::vec3 p) {
   if (p.x < 0.02F || p.z < 1.53F || p.z > 1.73F) return p;
   const float y = std::abs(p.y), z = p.z;
-  const float child = figure.age < 0.1F ? 0.6F : 1.0F;
+  const float child = figure.age < 0.1F ? 0.85F : 1.0F;
   float x = 0.0F;
   static constexpr float kNose[][2] = {{1.600F, 0.0F},     {1.6070F, 0.008F}, {1.6150F, 0.021F},
                                        {1.6235F, 0.0225F}, {1.634F, 0.0175F}, {1.646F, 0.0125F},
@@ -989,8 +989,10 @@ class Modeller {
       Ring next;
       const glm::vec3 c = centre(row[0]);
       for (int k = 0; k < kArmColumns; ++k) {
-        const glm::vec3 p =
-            c + f * (kShape[k][0] * row[1] * size) + u * (kShape[k][1] * row[2] * size);
+        // the edges of the hand end where the outer fingers begin
+        const float across =
+            kShape[k][0] * (&row == &kRows[3] && std::abs(kShape[k][0]) > 0.9F ? 0.84F : 1.0F);
+        const glm::vec3 p = c + f * (across * row[1] * size) + u * (kShape[k][1] * row[2] * size);
         next.push_back(mesh().add_vertex(place(p), part));
       }
       strips.push_back(mesh().bridge(ring, next, Region::kSkin, back_chart, flip));
@@ -1005,7 +1007,7 @@ class Modeller {
     };
     cap({10, 11, 0, -1});
     cap({4, 5, 6, -1});
-    static constexpr float kLength[4] = {0.072F, 0.080F, 0.074F, 0.058F};
+    static constexpr float kLength[4] = {0.080F, 0.089F, 0.083F, 0.066F};
     for (int finger = 0; finger < 4; ++finger) {
       const int bottom = finger, top = 10 - finger;
       int face = cap({bottom, bottom + 1, top - 1, top});
@@ -1036,7 +1038,7 @@ class Modeller {
       glm::vec3 along = glm::normalize(direction + curl * bend) * (length * (kAt[step] - before));
       along.y *= side;
       before = kAt[step];
-      const float scale = kScale[step] * (finger == 0 && step == 0 ? 0.62F : 1.0F);
+      const float scale = kScale[step] * (finger == 0 && step == 0 ? 0.74F : 1.0F);
       // digit, phalanx and side, for the skeleton
       const auto detail = static_cast<std::uint8_t>((side < 0.0F ? 64 : 0) + finger * 4 + step);
       const std::vector<int> walls = mesh().extrude(

@@ -434,8 +434,9 @@ class Animator {
         120.0F * std::max(0.0F, figure_.cloth_m - 0.010F);
     pose.rotate(rig_.find(s + "clavicle"), sided(about_x(lift) * about_z(-swing * 0.06F)));
     const float twist = 10.0F;  // palms turn a little back
-    pose.rotate(rig_.find(s + "upper_arm"), sided(about_y(-swing) * about_x(-wide)));
-    const glm::vec3 flex{0.0F, 0.8660254F, 0.5F};
+    pose.rotate(rig_.find(s + "upper_arm"),
+                sided(about_z(0.35F * std::max(0.0F, swing)) * about_y(-swing) * about_x(-wide)));
+    const glm::vec3 flex{0.0F, 0.9271839F, 0.3746066F};
     pose.rotate(rig_.find(s + "forearm"), sided(glm::angleAxis(-(elbow - 8.0F) * kDegree, flex)));
     const glm::vec3 along{0.0F, 0.5F, -0.8660254F};
     pose.rotate(rig_.find(s + "forearm_twist"),
