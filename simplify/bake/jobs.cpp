@@ -13,12 +13,8 @@
 
 #include "simplify/bake/cast_file.hpp"
 #include "simplify/bake/content_hash.hpp"
-#ifdef THRONG_WITH_BUILTIN
 #include "simplify/builtin/builtin.hpp"
-#endif
-#ifdef THRONG_WITH_IMPORT
 #include "simplify/import/gltf.hpp"
-#endif
 
 namespace throng::simplify {
 namespace {
@@ -42,14 +38,12 @@ std::string clean_name(const std::string& text) {
 std::vector<Job> list_jobs(const JobOptions& options) {
   std::vector<Job> jobs;
   std::set<std::string> names;
-#ifdef THRONG_WITH_BUILTIN
   if (options.builtin) {
     for (const std::string& name : builtin::builtin_names()) {
       jobs.push_back({name, ""});
       names.insert(name);
     }
   }
-#endif
   for (const std::string& path : options.inputs) {
     const bool is_named = !options.name.empty() && options.inputs.size() == 1;
     const std::string base =
@@ -63,19 +57,11 @@ std::vector<Job> list_jobs(const JobOptions& options) {
 
 absl::StatusOr<SourceCharacter> load(const Job& job, const JobOptions& options) {
   if (job.path.empty()) {
-#ifdef THRONG_WITH_BUILTIN
     return builtin::make_builtin(job.name);
-#else
-    return absl::UnimplementedError("this build has no built-in cast");
-#endif
   }
-#ifdef THRONG_WITH_IMPORT
   ImportOptions import_options;
   import_options.clip_files = options.clip_files;
   return import_gltf(job.path, import_options);
-#else
-  return absl::UnimplementedError("this build has no glTF import");
-#endif
 }
 
 class Runner {

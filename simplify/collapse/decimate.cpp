@@ -74,7 +74,7 @@ struct State {
         float size_m)
       : options(collapse_options),
         mesh(wedge_mesh),
-        poses(pose_set, wedge_mesh),
+        poses(pose_set, wedge_mesh, size_m),
         attributes(wedge_mesh, size_m) {}
 
   const CollapseOptions& options;
@@ -181,8 +181,8 @@ class WedgeModule : public OpenMesh::Decimater::ModBaseT<HalfEdgeMesh> {
     const Phase& phase = kPhases[state_->phase];
     const PoseCost::Cost position = state_->poses.move_cost(a, b);
     const float share = vertex_share(state_->mesh.alive_wedges(a), state_->is_coarse());
-    float cost =
-        share * (total(position) + state_->poses.area_m2(a) * state_->attributes.joint_cost(a, b));
+    float cost = share * (total(position) + state_->poses.extent_cost(a, b) +
+                          state_->poses.area_m2(a) * state_->attributes.joint_cost(a, b));
     if (cost >= best_) return Base::ILLEGAL_COLLAPSE;
     look_around(info);
     for (const std::uint32_t triangle : around_) {

@@ -15,13 +15,19 @@ constexpr float kSpring = 2.0e-3F;
 // An open border has no triangle on the other side that would hold it.
 constexpr float kBorder = 4.0F;
 constexpr float kSeam = 0.05F;
+// Points so near to the outermost one, as a share of the size, stand for it; the area that an
+// extent counts for, as a share of the size squared.
+constexpr float kOutermost = 0.04F;
+constexpr float kExtent = 0.01F;
 
 }  // namespace
 
-PoseCost::PoseCost(const PoseSet& poses, const WedgeMesh& mesh)
+PoseCost::PoseCost(const PoseSet& poses, const WedgeMesh& mesh, float size_m)
     : lanes_((poses.count + kLaneGroup - 1) / kLaneGroup * kLaneGroup),
       weight_(lanes_, 0.0F),
-      counts_(lanes_, 0.0F) {
+      counts_(lanes_, 0.0F),
+      extent_(6 * lanes_),
+      size_m_(size_m) {
   const std::size_t points = mesh.surface().points.size();
   const std::size_t triangles = mesh.surface().triangles.size();
   position_.resize(points * 3 * lanes_);
@@ -38,6 +44,19 @@ PoseCost::PoseCost(const PoseSet& poses, const WedgeMesh& mesh)
     for (std::size_t p = 0; p < points; ++p) {
       for (int c = 0; c < 3; ++c)
         position_[(p * 3 + c) * lanes_ + lane] = poses.position[pose * points + p][c];
+    }
+  }
+
+  for (std::uint32_t axis = 0; axis < 3; ++axis) {
+    for (std::uint32_t lane = 0; lane < lanes_; ++lane) {
+      float low = position_[axis * lanes_ + lane], high = low;
+      for (std::size_t p = 0; p < points; ++p) {
+        const float at = position_[(p * 3 + axis) * lanes_ + lane];
+        low = std::min(low, at);
+        high = std::max(high, at);
+      }
+      extent_[2 * axis * lanes_ + lane] = low;
+      extent_[(2 * axis + 1) * lanes_ + lane] = high;
     }
   }
 
@@ -133,6 +152,28 @@ PoseCost::Cost PoseCost::move_cost(std::uint32_t a, std::uint32_t b) const {
     }
   }
   return {mean, largest};
+}
+
+float PoseCost::extent_cost(std::uint32_t a, std::uint32_t b) const {
+  const std::uint32_t lanes = lanes_;
+  const float outermost_m = kOutermost * size_m_;
+  float sum = 0.0F;
+  for (std::uint32_t axis = 0; axis < 3; ++axis) {
+    const float* __restrict pa = position(a) + axis * lanes;
+    const float* __restrict pb = position(b) + axis * lanes;
+    const float* __restrict low = &extent_[2 * axis * lanes];
+    const float* __restrict high = low + lanes;
+    for (std::uint32_t l = 0; l < lanes; ++l) {
+      const float below_a = pa[l] - low[l], below_b = pb[l] - low[l];
+      const float above_a = high[l] - pa[l], above_b = high[l] - pb[l];
+      const float lost_below =
+          below_a < outermost_m ? std::max(0.0F, below_b * below_b - below_a * below_a) : 0.0F;
+      const float lost_above =
+          above_a < outermost_m ? std::max(0.0F, above_b * above_b - above_a * above_a) : 0.0F;
+      sum += weight_[l] * (lost_below + lost_above);
+    }
+  }
+  return kExtent * size_m_ * size_m_ * sum;
 }
 
 bool PoseCost::breaks(std::uint32_t a, std::uint32_t b, std::uint32_t x, std::uint32_t y,

@@ -18,7 +18,7 @@ namespace throng::simplify {
 /// for vector instructions.
 class PoseCost {
  public:
-  PoseCost(const PoseSet& poses, const WedgeMesh& mesh);
+  PoseCost(const PoseSet& poses, const WedgeMesh& mesh, float size_m);
 
   struct Cost {
     float mean;     // m^4, over poses by their weight
@@ -26,6 +26,11 @@ class PoseCost {
   };
   /// Of moving point a, with all it took over, to where b is.
   Cost move_cost(std::uint32_t a, std::uint32_t b) const;
+
+  /// Mean over poses in m^4 of what the extents lose, if a is one of the outermost points along an
+  /// axis and b lies farther inside. Quadrics shrink a shape to its trunk when few points are left;
+  /// from afar the height of a person is what is seen.
+  float extent_cost(std::uint32_t a, std::uint32_t b) const;
 
   /// True if in some pose the triangle (a, x, y), a moved to b, turns by more than the angle whose
   /// cosine is given, or becomes a sliver that it was not. Quality is 1 for an equilateral
@@ -54,10 +59,12 @@ class PoseCost {
   void add_plane(std::uint32_t point, std::uint32_t lane, const glm::vec3& normal, float weight);
 
   std::uint32_t lanes_;
-  std::vector<float> weight_;         // [lanes]
-  std::vector<float> counts_;         // [lanes] 1 for a pose that counts in the maximum
-  std::vector<float> position_;       // [P][3][lanes]
-  std::vector<float> quadric_;        // [P][10][lanes]
+  std::vector<float> weight_;    // [lanes]
+  std::vector<float> counts_;    // [lanes] 1 for a pose that counts in the maximum
+  std::vector<float> position_;  // [P][3][lanes]
+  std::vector<float> quadric_;   // [P][10][lanes]
+  std::vector<float> extent_;    // [6][lanes] least and greatest x, y, z
+  float size_m_;
   std::vector<float> area_;           // [P]
   std::vector<float> triangle_area_;  // [T]
 };

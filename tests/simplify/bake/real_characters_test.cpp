@@ -6,9 +6,8 @@
 #include <vector>
 
 #include "simplify/bake/bake.hpp"
-#include "support/data_dir.hpp"
-#ifdef THRONG_WITH_IMPORT
 #include "simplify/import/gltf.hpp"
+#include "support/data_dir.hpp"
 
 namespace throng::simplify {
 namespace {
@@ -66,4 +65,3 @@ TEST(RealCharactersTest, PublishedCriterionGivesWholeLevels) {
 
 }  // namespace
 }  // namespace throng::simplify
-#endif
