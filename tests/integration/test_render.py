@@ -92,7 +92,7 @@ def test_camera_file_moves_the_view(program, csv, tmp_path):
         (("--synthetic", 5, "-o", "#.png", "--camera", "nowhere.json"), 3, "nowhere.json"),
         (("nowhere.sqlite", "-o", "#.png"), 3, "nowhere.sqlite"),
         (("--synthetic", 5, "-o", "/proc/none/#.png", "--frames", "1"), 5, "/proc/none"),
-        (("--synthetic", 5, "--no-such-flag"), 2, "--no-such-flag"),
+        (("--synthetic", 5, "-o", "#.png", "--no-such-flag"), 2, "--no-such-flag"),
     ],
 )
 def test_bad_input_is_one_clear_error_with_its_exit_code(program, arguments, code, words):

@@ -69,16 +69,6 @@ def test_demo_ends_with_pictures_and_without_processes(demo):
     assert running(fake) == []
 
 
-def test_cast_is_baked_once_and_again_when_the_baker_changes(demo):
-    start, _, fake = demo
-    for expected in (1, 1, 2):
-        assert start().wait(60) == 0
-        assert len((fake / "baked").read_text().split()) == expected
-        if expected == 1 and (fake / "again").exists():
-            write(fake / "bin/throng-bake", PROGRAMS["throng-bake"] + "# another build\n")
-        (fake / "again").touch()
-
-
 @pytest.mark.parametrize("number, code", [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_signal_while_recording_ends_every_process(demo, number, code):
     start, _, fake = demo
