@@ -114,7 +114,6 @@ class VisibilityRasterizer final : public Rasterizer {
   };
   std::vector<Caster> caster_shapes_;
   std::vector<Footprint> blob_rectangles_;  // [V]
-  Projected shadow_corner_;
 };
 
 absl::Status VisibilityRasterizer::upload(std::shared_ptr<const Cast> cast) {
@@ -329,28 +328,32 @@ void VisibilityRasterizer::bin_shadows(const SceneFrame& scene, const Viewport& 
     }
   });
   blobs_.resize(shades_.size());
-  std::vector<Footprint> rectangles(shades_.size());
-  for (std::size_t i = 0; i < shades_.size(); ++i) {
-    blobs_[i] = make_blob(scene, shades_[i]);
-    const Blob& blob = blobs_[i];
-    BatchVertex corners[4]{};
-    for (int k = 0; k < 4; ++k) {
-      const float along = (k & 1) == 0 ? -0.55F : blob.reach + 0.35F;
-      const float across = (k & 2) == 0 ? -0.55F : 0.55F;
-      const glm::vec2 place =
-          blob.feet_relative +
-          (blob.away * along + glm::vec2(-blob.away.y, blob.away.x) * across) * blob.meter;
-      corners[k].position_relative = glm::vec3(place, scene.ground_relative_m);
+  blob_rectangles_.resize(shades_.size());
+  constexpr std::size_t kChunk = 512;
+  pool_.for_chunks(shades_.size(), kChunk, [&](std::size_t begin, std::size_t end) {
+    Projected corners_projected;
+    corners_projected.resize(4);
+    for (std::size_t i = begin; i < end; ++i) {
+      blobs_[i] = make_blob(scene, shades_[i]);
+      const Blob& blob = blobs_[i];
+      BatchVertex corners[4]{};
+      for (int k = 0; k < 4; ++k) {
+        const float along = (k & 1) == 0 ? -0.55F : blob.reach + 0.35F;
+        const float across = (k & 2) == 0 ? -0.55F : 0.55F;
+        const glm::vec2 place =
+            blob.feet_relative +
+            (blob.away * along + glm::vec2(-blob.away.y, blob.away.x) * across) * blob.meter;
+        corners[k].position_relative = glm::vec3(place, scene.ground_relative_m);
+      }
+      Footprint& rectangle = blob_rectangles_[i];
+      rectangle = project_vertices(grid_, corners, 0, 4, corners_projected);
+      if (std::max(blob.contact, blob.body) < 0.004F) rectangle.x_high = rectangle.x_low - 1;
     }
-    Projected& projected = shadow_corner_;
-    projected.resize(4);
-    rectangles[i] = project_vertices(grid_, corners, 0, 4, projected);
-    if (std::max(blob.contact, blob.body) < 0.004F) rectangles[i].x_high = rectangles[i].x_low - 1;
-  }
-  blob_bins_.fill(tiles, [&](auto&& place) {
-    for (std::uint32_t i = 0; i < rectangles.size(); ++i) cover(rectangles[i], i, place);
   });
-  blob_rectangles_ = std::move(rectangles);
+  blob_bins_.fill(tiles, [&](auto&& place) {
+    for (std::uint32_t i = 0; i < blob_rectangles_.size(); ++i)
+      cover(blob_rectangles_[i], i, place);
+  });
 }
 
 void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, int tile_x_px,
@@ -363,6 +366,34 @@ void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, int tile
       const std::size_t at = sample_index(2 * x, 2 * y);
       const std::size_t places[4] = {at, at + 1, at + 4, at + 5};
       const auto pixel = static_cast<std::uint16_t>(y * kTilePx + x);
+      const float* depth = scratch.planes.depth;
+      const std::uint32_t* ids = scratch.planes.id;
+      const auto add = [&](std::uint32_t instance, std::uint32_t id, float x_px, float y_px,
+                           float weight) {
+        const std::uint32_t triangle =
+            geometry.triangle_offset[instance] +
+            (element::block_of(id) - first_block_[instance]) * element::kBlockTriangles +
+            element::triangle_of(id);
+        const std::size_t n = items.count++;
+        items.triangle[n] = static_cast<std::int32_t>(3 * triangle);
+        items.instance[n] = static_cast<std::int32_t>(instance);
+        items.x_px[n] = static_cast<float>(tile_x_px + x) + x_px;
+        items.y_px[n] = static_cast<float>(tile_y_px + y) + y_px;
+        items.weight[n] = weight;
+        items.pixel[n] = pixel;
+      };
+      // most pixels lie within one triangle or on nothing
+      if (ids[at] == ids[at + 1] && ids[at] == ids[at + 4] && ids[at] == ids[at + 5]) {
+        const bool here = depth[at] != 0.0F && depth[at + 1] != 0.0F && depth[at + 4] != 0.0F &&
+                          depth[at + 5] != 0.0F;
+        const bool nothing = depth[at] == 0.0F && depth[at + 1] == 0.0F && depth[at + 4] == 0.0F &&
+                             depth[at + 5] == 0.0F;
+        if (here || nothing) {
+          scratch.background_share[pixel] = nothing ? 1.0F : 0.0F;
+          if (here) add(block_instance_[element::block_of(ids[at])], ids[at], 0.5F, 0.5F, 1.0F);
+          continue;
+        }
+      }
       std::uint32_t instance_of[4];
       int empty = 0;
       for (int k = 0; k < 4; ++k) {
@@ -386,18 +417,7 @@ void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, int tile
           sum_x += (j & 1) != 0 ? 0.75F : 0.25F;
           sum_y += (j & 2) != 0 ? 0.75F : 0.25F;
         }
-        const std::uint32_t id = scratch.planes.id[places[k]];
-        const std::uint32_t triangle =
-            geometry.triangle_offset[instance] +
-            (element::block_of(id) - first_block_[instance]) * element::kBlockTriangles +
-            element::triangle_of(id);
-        const std::size_t n = items.count++;
-        items.triangle[n] = static_cast<std::int32_t>(3 * triangle);
-        items.instance[n] = static_cast<std::int32_t>(instance);
-        items.x_px[n] = static_cast<float>(tile_x_px + x) + sum_x / samples;
-        items.y_px[n] = static_cast<float>(tile_y_px + y) + sum_y / samples;
-        items.weight[n] = 0.25F * samples;
-        items.pixel[n] = pixel;
+        add(instance, ids[places[k]], sum_x / samples, sum_y / samples, 0.25F * samples);
       }
     }
   }
@@ -511,14 +531,11 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
   }
   add_background(scene, tile, tile_x_px, tile_y_px, width, height, scratch, geometry);
   for (int y = 0; y < height; ++y) {
-    std::uint8_t* out =
+    const std::size_t row = static_cast<std::size_t>(y) * kTilePx;
+    encode_row(
+        scratch.rgb[0] + row, scratch.rgb[1] + row, scratch.rgb[2] + row, width,
         picture.rgbx.data() + 4 * (static_cast<std::size_t>(tile_y_px + y) * picture.width_px +
-                                   static_cast<std::size_t>(tile_x_px));
-    for (int x = 0; x < width; ++x) {
-      for (int c = 0; c < 3; ++c)
-        out[4 * x + c] = srgb_from_linear(scratch.rgb[c][y * kTilePx + x]);
-      out[4 * x + 3] = 255;
-    }
+                                   static_cast<std::size_t>(tile_x_px)));
   }
 }
 

@@ -58,7 +58,7 @@ Blob make_blob(const SceneFrame& scene, const InstanceShade& shade);
 void shade_blob(const SceneFrame& scene, const Blob& blob, int x_px, int y_px, int count,
                 float* missing);
 
-/// Linear 0..1 to 8-bit sRGB, rounded.
-std::uint8_t srgb_from_linear(float linear);
+/// A row of linear colours (0 to 1, aligned to 64 bytes) as 8-bit sRGB r g b 255, rounded.
+void encode_row(const float* r, const float* g, const float* b, int count, std::uint8_t* rgbx);
 
 }  // namespace throng::render::visibility

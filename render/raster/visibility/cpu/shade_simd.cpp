@@ -558,6 +558,26 @@ void ShadeBlob(const SceneFrame& scene, const Blob& blob, int x_px, int y_px, in
   }
 }
 
+void EncodeRow(const std::uint32_t* table, const float* r, const float* g, const float* b,
+               int count, std::uint8_t* rgbx) {
+  const FloatTag df;
+  const IntTag di;
+  const UintTag du;
+  const int lanes = static_cast<int>(hn::Lanes(df));
+  HWY_ALIGN std::uint32_t tail[16];
+  for (int i = 0; i < count; i += lanes) {
+    const auto code = [&](const float* c) HWY_ATTR {
+      const F root = hn::Sqrt(Clamp01(hn::Load(df, c + i)));
+      return hn::GatherIndex(du, table,
+                             hn::ConvertTo(di, hn::Add(Times(root, 4096.0F), Set(0.5F))));
+    };
+    const U word = hn::Or(hn::Or(code(r), hn::ShiftLeft<8>(code(g))),
+                          hn::Or(hn::ShiftLeft<16>(code(b)), hn::Set(du, 0xff000000U)));
+    hn::Store(word, du, tail);
+    std::memcpy(rgbx + 4 * i, tail, 4 * static_cast<std::size_t>(std::min(lanes, count - i)));
+  }
+}
+
 }  // namespace HWY_NAMESPACE
 }  // namespace throng::render::visibility
 HWY_AFTER_NAMESPACE();
@@ -568,6 +588,7 @@ namespace throng::render::visibility {
 HWY_EXPORT(ShadeItemsImpl);
 HWY_EXPORT(ShadeBackground);
 HWY_EXPORT(ShadeBlob);
+HWY_EXPORT(EncodeRow);
 
 void shade_items(const SceneFrame& scene, const FrameGeometry& geometry,
                  const InstanceShade* shades, const TextureStore& textures, ShadeItems& items) {
@@ -601,20 +622,19 @@ Blob make_blob(const SceneFrame& scene, const InstanceShade& shade) {
   return blob;
 }
 
-std::uint8_t srgb_from_linear(float linear) {
+void encode_row(const float* r, const float* g, const float* b, int count, std::uint8_t* rgbx) {
   // a table over the square root, where sRGB is nearly straight: within half a step everywhere
-  static const std::array<std::uint8_t, 4097> table = [] {
-    std::array<std::uint8_t, 4097> values{};
+  static const std::array<std::uint32_t, 4097> table = [] {
+    std::array<std::uint32_t, 4097> values{};
     for (std::size_t i = 0; i < values.size(); ++i) {
       const double root = static_cast<double>(i) / 4096.0;
       const double c = root * root;
       const double srgb = c <= 0.0031308 ? 12.92 * c : 1.055 * std::pow(c, 1.0 / 2.4) - 0.055;
-      values[i] = static_cast<std::uint8_t>(std::lround(255.0 * srgb));
+      values[i] = static_cast<std::uint32_t>(std::lround(255.0 * srgb));
     }
     return values;
   }();
-  const float clamped = std::min(std::max(linear, 0.0F), 1.0F);
-  return table[static_cast<std::size_t>(std::sqrt(clamped) * 4096.0F + 0.5F)];
+  HWY_DYNAMIC_DISPATCH(EncodeRow)(table.data(), r, g, b, count, rgbx);
 }
 
 }  // namespace throng::render::visibility

@@ -49,7 +49,7 @@ Footprint ProjectVertices(const SampleGrid& grid, const BatchVertex* vertices, s
   auto depth_high = zero;
   bool clipped = false;
   std::size_t i = begin;
-  for (; i + lanes <= end; i += lanes) {
+  while (i + lanes <= end) {
     const float* base = &vertices[i].position_relative.x;
     const auto px = hn::GatherIndex(df, base, stride);
     const auto py = hn::GatherIndex(df, base + 1, stride);
@@ -80,6 +80,9 @@ Footprint ProjectVertices(const SampleGrid& grid, const BatchVertex* vertices, s
     hn::StoreU(sy, di, projected.y.data() + i);
     hn::StoreU(depth, df, projected.depth.data() + i);
     hn::StoreU(inverse_w, df, projected.inverse_w.data() + i);
+    // the last vector overlaps the one before: the same vertices give the same bytes
+    const std::size_t done = i + lanes;
+    i = done < end && done + lanes > end ? end - lanes : done;
   }
   std::int32_t x_min = hn::GetLane(hn::MinOfLanes(di, x_low));
   std::int32_t y_min = hn::GetLane(hn::MinOfLanes(di, y_low));
