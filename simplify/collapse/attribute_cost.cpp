@@ -9,11 +9,12 @@ namespace {
 // How much an error in an attribute counts against the same distance in position. Silhouettes are
 // seen from afar when texture no longer is.
 constexpr float kSlide = 0.35F;
-constexpr float kMostSlide = 0.12F;  // of the character's size
-constexpr float kTorn = 0.03F;       // of the size: texture stretched over a seam, colours alike
-constexpr float kTornColor = 0.50F;  // of the size: black becomes white
-constexpr float kNormal = 0.004F;    // of the size: normals at right angles
-constexpr float kJoint = 0.03F;      // of the size: moved by quite different joints
+constexpr float kMostSlide = 0.12F;   // of the character's size
+constexpr float kTorn = 0.03F;        // of the size: texture stretched over a seam, colours alike
+constexpr float kTornColor = 0.50F;   // of the size: black becomes white
+constexpr float kBaredColor = 0.15F;  // of the size: a white eye goes from a black face
+constexpr float kNormal = 0.004F;     // of the size: normals at right angles
+constexpr float kJoint = 0.03F;       // of the size: moved by quite different joints
 constexpr std::uint32_t kColorSize_px = 128;
 
 float cross(const glm::vec2& a, const glm::vec2& b) { return a.x * b.y - a.y * b.x; }
@@ -132,6 +133,17 @@ bool AttributeCost::mirrors(std::uint32_t triangle, std::uint32_t a, const Wedge
   const float before = cross(uv_x - uv_a, uv_y - uv_a), after = cross(uv_x - uv_b, uv_y - uv_b);
   constexpr float kNothing = 1.0e-9F;
   return std::fabs(before) > kNothing && std::fabs(after) > kNothing && before * after < 0.0F;
+}
+
+float AttributeCost::baring_cost(std::uint32_t front, std::uint32_t behind) const {
+  const auto corners = [&](std::uint32_t triangle) {
+    const glm::uvec3& wedges = mesh_.wedges(triangle);
+    const auto& uv = mesh_.surface().wedge_uv;
+    return std::array<glm::vec2, 3>{uv[wedges.x], uv[wedges.y], uv[wedges.z]};
+  };
+  const float distance_m =
+      kBaredColor * size_m_ * color_difference(corners(front), corners(behind));
+  return distance_m * distance_m;
 }
 
 float AttributeCost::joint_cost(std::uint32_t a, std::uint32_t b) const {

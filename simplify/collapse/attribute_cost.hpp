@@ -25,6 +25,9 @@ class AttributeCost {
   /// True if the texture on the triangle would be mirrored by the move.
   bool mirrors(std::uint32_t triangle, std::uint32_t a, const WedgeMove& move) const;
 
+  /// Squared metres: how much of a change of colour it is where one triangle bares another.
+  float baring_cost(std::uint32_t front, std::uint32_t behind) const;
+
   /// Squared metres: how differently the joints move two points.
   float joint_cost(std::uint32_t a, std::uint32_t b) const;
 

@@ -60,12 +60,13 @@ struct Piece {
   std::vector<std::uint32_t> triangles;
   float area_m2 = 0.0F;
   float distance_m = 0.0F;  // what opens where it was
+  float other_cost = 0.0F;  // lost extents and colours
   std::uint32_t points = 0, wedges = 0;
   bool is_gone = false;
 
   /// In m^4 for each vertex that is won, like the cost of a collapse.
   float removal_cost(bool is_coarse) const {
-    return area_m2 * distance_m * distance_m * vertex_share(wedges, is_coarse);
+    return (area_m2 * distance_m * distance_m + other_cost) * vertex_share(wedges, is_coarse);
   }
 };
 
@@ -324,26 +325,43 @@ void find_pieces(const WedgeMesh& mesh, State& state) {
     Piece& piece = state.pieces[i];
     // How far behind it the others are: an eye bares the head, a leg the background. At least a
     // part of its middle extent, for a strap is seen by its width and not by its length.
-    double squares = 0.0;
+    double squares = 0.0, color = 0.0;
     std::size_t count = 0;
     const std::size_t own_step = std::max<std::size_t>(1, piece.triangles.size() / 24);
     const std::size_t other_step = std::max<std::size_t>(1, triangles / 3000);
     for (std::size_t k = 0; k < piece.triangles.size(); k += own_step, ++count) {
       const glm::vec3& from = points[mesh.points(piece.triangles[k])[0]].position;
       float least = std::numeric_limits<float>::max();
+      std::uint32_t nearest = kNoIndex;
       for (std::uint32_t t = 0; t < triangles; t += static_cast<std::uint32_t>(other_step)) {
         const std::uint32_t other = mesh.points(t)[0];
         // a larger one only: what lies over a piece may go before it
         if (!(state.pieces[state.piece_of[other]].area_m2 > piece.area_m2)) continue;
         const glm::vec3 away = points[other].position - from;
-        least = std::min(least, glm::dot(away, away));
+        if (glm::dot(away, away) >= least) continue;
+        least = glm::dot(away, away);
+        nearest = t;
       }
+      if (nearest != kNoIndex) color += state.attributes.baring_cost(piece.triangles[k], nearest);
       squares += least;
     }
     glm::vec3 extent = high[i] - low[i];
     std::sort(&extent.x, &extent.x + 3);
     const auto rms_m = static_cast<float>(
         std::sqrt(squares / static_cast<double>(std::max<std::size_t>(1, count))));
+    // what the whole figure loses of its extents, as in PoseCost::extent_cost
+    glm::vec3 others_low(std::numeric_limits<float>::max()), others_high(-others_low);
+    for (std::size_t k = 0; k < state.pieces.size(); ++k) {
+      if (!(state.pieces[k].area_m2 > piece.area_m2)) continue;
+      others_low = glm::min(others_low, low[k]);
+      others_high = glm::max(others_high, high[k]);
+    }
+    const glm::vec3 lost =
+        glm::max(glm::vec3(0.0F), glm::max(others_low - low[i], high[i] - others_high));
+    piece.other_cost =
+        state.poses.extent_weight() * glm::dot(lost, lost) +
+        piece.area_m2 *
+            static_cast<float>(color / static_cast<double>(std::max<std::size_t>(1, count)));
     // never farther than it is long, where the others were hit by no sample
     piece.distance_m = std::max(0.25F * extent.y, std::min(rms_m, extent.z));
   }

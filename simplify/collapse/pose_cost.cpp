@@ -173,8 +173,10 @@ float PoseCost::extent_cost(std::uint32_t a, std::uint32_t b) const {
       sum += weight_[l] * (lost_below + lost_above);
     }
   }
-  return kExtent * size_m_ * size_m_ * sum;
+  return extent_weight() * sum;
 }
+
+float PoseCost::extent_weight() const { return kExtent * size_m_ * size_m_; }
 
 bool PoseCost::breaks(std::uint32_t a, std::uint32_t b, std::uint32_t x, std::uint32_t y,
                       float least_cosine, float least_quality, bool bind_pose_only) const {

@@ -31,6 +31,8 @@ class PoseCost {
   /// axis and b lies farther inside. Quadrics shrink a shape to its trunk when few points are left;
   /// from afar the height of a person is what is seen.
   float extent_cost(std::uint32_t a, std::uint32_t b) const;
+  /// Square metres that a lost extent counts for.
+  float extent_weight() const;
 
   /// True if in some pose the triangle (a, x, y), a moved to b, turns by more than the angle whose
   /// cosine is given, or becomes a sliver that it was not. Quality is 1 for an equilateral
