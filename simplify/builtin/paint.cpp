@@ -23,26 +23,24 @@ float bell(float x, float width) {
   return t * t > 9.0F ? 0.0F : std::exp(-t * t);
 }
 
-float hash(int x, int y, int z) {
-  auto h = static_cast<std::uint32_t>(x) * 0x8da6b343U ^
-           static_cast<std::uint32_t>(y) * 0xd8163841U ^
-           static_cast<std::uint32_t>(z) * 0xcb1ab31fU;
-  h ^= h >> 13;
-  h *= 0x9e3779b1U;
-  h ^= h >> 16;
-  return static_cast<float>(h & 0xffffU) * (1.0F / 65535.0F);
-}
-
-/// Value noise in [0, 1].
+/// Value noise in [0, 1]: random values at whole coordinates, smoothly interpolated.
 float noise(const glm::vec3& p) {
   const float fx = std::floor(p.x), fy = std::floor(p.y), fz = std::floor(p.z);
-  const int x = static_cast<int>(fx), y = static_cast<int>(fy), z = static_cast<int>(fz);
   glm::vec3 t{p.x - fx, p.y - fy, p.z - fz};
   t = t * t * (3.0F - 2.0F * t);
-  const float a = glm::mix(hash(x, y, z), hash(x + 1, y, z), t.x);
-  const float b = glm::mix(hash(x, y + 1, z), hash(x + 1, y + 1, z), t.x);
-  const float c = glm::mix(hash(x, y, z + 1), hash(x + 1, y, z + 1), t.x);
-  const float d = glm::mix(hash(x, y + 1, z + 1), hash(x + 1, y + 1, z + 1), t.x);
+  constexpr std::uint32_t kX = 0x8da6b343U, kY = 0xd8163841U, kZ = 0xcb1ab31fU;
+  const std::uint32_t x0 = static_cast<std::uint32_t>(static_cast<int>(fx)) * kX, x1 = x0 + kX;
+  const std::uint32_t y0 = static_cast<std::uint32_t>(static_cast<int>(fy)) * kY, y1 = y0 + kY;
+  const std::uint32_t z0 = static_cast<std::uint32_t>(static_cast<int>(fz)) * kZ, z1 = z0 + kZ;
+  const auto value = [](std::uint32_t h) {
+    h ^= h >> 13;
+    h *= 0x9e3779b1U;
+    return static_cast<float>(h >> 16) * (1.0F / 65535.0F);
+  };
+  const float a = glm::mix(value(x0 ^ y0 ^ z0), value(x1 ^ y0 ^ z0), t.x);
+  const float b = glm::mix(value(x0 ^ y1 ^ z0), value(x1 ^ y1 ^ z0), t.x);
+  const float c = glm::mix(value(x0 ^ y0 ^ z1), value(x1 ^ y0 ^ z1), t.x);
+  const float d = glm::mix(value(x0 ^ y1 ^ z1), value(x1 ^ y1 ^ z1), t.x);
   return glm::mix(glm::mix(a, b, t.y), glm::mix(c, d, t.y), t.z);
 }
 
@@ -1248,28 +1246,28 @@ class Occluders {
 };
 
 /// Fills texels that nothing covers from coarser and coarser means of their surroundings.
-void fill_gaps(std::vector<float>& image, std::uint32_t size) {
-  // four floats a texel, the last one is the coverage
-  std::vector<std::vector<float>> level{std::move(image)};
+void fill_gaps(std::vector<std::uint8_t>& image, std::uint32_t size) {
+  // r g b and coverage, 0 or 255
+  std::vector<std::vector<std::uint8_t>> level{std::move(image)};
   std::uint32_t side = size;
   while (side > 1) {
     const std::uint32_t half = side / 2;
-    std::vector<float> next(static_cast<std::size_t>(half) * half * 4, 0.0F);
-    const std::vector<float>& fine = level.back();
+    std::vector<std::uint8_t> next(static_cast<std::size_t>(half) * half * 4, 0);
+    const std::vector<std::uint8_t>& fine = level.back();
     for (std::uint32_t y = 0; y < half; ++y) {
       for (std::uint32_t x = 0; x < half; ++x) {
-        float sum[4] = {0, 0, 0, 0};
+        unsigned sum[3] = {0, 0, 0}, count = 0;
         for (std::uint32_t k = 0; k < 4; ++k) {
-          const float* t =
+          const std::uint8_t* t =
               &fine[(static_cast<std::size_t>(2 * y + k / 2) * side + 2 * x + k % 2) * 4];
-          for (int c = 0; c < 3; ++c) sum[c] += t[c] * t[3];
-          sum[3] += t[3];
+          if (t[3] == 0) continue;
+          for (int c = 0; c < 3; ++c) sum[c] += t[c];
+          ++count;
         }
-        float* out = &next[(static_cast<std::size_t>(y) * half + x) * 4];
-        if (sum[3] > 0.0F) {
-          for (int c = 0; c < 3; ++c) out[c] = sum[c] / sum[3];
-          out[3] = 1.0F;
-        }
+        if (count == 0) continue;
+        std::uint8_t* out = &next[(static_cast<std::size_t>(y) * half + x) * 4];
+        for (int c = 0; c < 3; ++c) out[c] = static_cast<std::uint8_t>(sum[c] / count);
+        out[3] = 255;
       }
     }
     level.push_back(std::move(next));
@@ -1277,14 +1275,13 @@ void fill_gaps(std::vector<float>& image, std::uint32_t size) {
   }
   for (std::size_t i = level.size() - 1; i-- > 0;) {
     side = size >> i;
-    const std::vector<float>& coarse = level[i + 1];
-    std::vector<float>& fine = level[i];
+    const std::vector<std::uint8_t>& coarse = level[i + 1];
+    std::vector<std::uint8_t>& fine = level[i];
     for (std::uint32_t y = 0; y < side; ++y) {
       for (std::uint32_t x = 0; x < side; ++x) {
-        float* t = &fine[(static_cast<std::size_t>(y) * side + x) * 4];
-        if (t[3] > 0.0F) continue;
-        const float* from = &coarse[(static_cast<std::size_t>(y / 2) * (side / 2) + x / 2) * 4];
-        for (int c = 0; c < 4; ++c) t[c] = from[c];
+        std::uint8_t* t = &fine[(static_cast<std::size_t>(y) * side + x) * 4];
+        if (t[3] != 0) continue;
+        std::copy_n(&coarse[(static_cast<std::size_t>(y / 2) * (side / 2) + x / 2) * 4], 4, t);
       }
     }
   }
@@ -1332,7 +1329,7 @@ void paint(const Figure& figure, const Mesh& mesh, const std::vector<glm::vec3>&
            simplify::SourceMaterial& material) {
   const Painter painter(figure);
   const std::size_t texels = static_cast<std::size_t>(kTextureSize) * kTextureSize;
-  std::vector<float> color(texels * 4, 0.0F);
+  std::vector<std::uint8_t> color(texels * 4, 0);
   std::vector<glm::u8vec4> tint(texels, glm::u8vec4{0});
   const auto size = static_cast<float>(kTextureSize);
   for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
@@ -1384,8 +1381,8 @@ void paint(const Figure& figure, const Mesh& mesh, const std::vector<glm::vec3>&
         const bool inside = w[0] >= 0.0F && w[1] >= 0.0F && w[2] >= 0.0F;
         const std::size_t index =
             static_cast<std::size_t>(y) * kTextureSize + static_cast<std::size_t>(x);
-        float* out = &color[index * 4];
-        if (!inside && out[3] > 0.0F) continue;
+        std::uint8_t* out = &color[index * 4];
+        if (!inside && out[3] != 0) continue;
         t.p = v[0]->position * w[0] + v[1]->position * w[1] + v[2]->position * w[2];
         t.n = normal[face.corner[0]] * w[0] + normal[face.corner[1]] * w[1] +
               normal[face.corner[2]] * w[2];
@@ -1393,26 +1390,19 @@ void paint(const Figure& figure, const Mesh& mesh, const std::vector<glm::vec3>&
         t.sky =
             sky[face.corner[0]] * w[0] + sky[face.corner[1]] * w[1] + sky[face.corner[2]] * w[2];
         const Paint result = painter.at(t);
-        out[0] = result.color.r;
-        out[1] = result.color.g;
-        out[2] = result.color.b;
-        out[3] = 1.0F;
+        for (int k = 0; k < 3; ++k) {
+          out[k] = static_cast<std::uint8_t>(result.color[k] * 255.0F + 0.5F);
+        }
+        out[3] = 255;
         tint[index] = glm::u8vec4(glm::clamp(result.tint, 0.0F, 1.0F) * 255.0F + 0.5F);
       }
     }
   }
   std::vector<std::uint8_t> covered(texels);
-  for (std::size_t i = 0; i < texels; ++i) covered[i] = color[i * 4 + 3] > 0.0F ? 1 : 0;
+  for (std::size_t i = 0; i < texels; ++i) covered[i] = color[i * 4 + 3] != 0 ? 1 : 0;
   fill_gaps(color, kTextureSize);
   material.base_color.width_px = material.base_color.height_px = kTextureSize;
-  material.base_color.rgba.resize(texels * 4);
-  for (std::size_t i = 0; i < texels; ++i) {
-    for (int c = 0; c < 3; ++c) {
-      material.base_color.rgba[i * 4 + c] =
-          static_cast<std::uint8_t>(std::clamp(color[i * 4 + c], 0.0F, 1.0F) * 255.0F + 0.5F);
-    }
-    material.base_color.rgba[i * 4 + 3] = 255;
-  }
+  material.base_color.rgba = std::move(color);
   // the mask at half size: mean of what is covered, then spread by two texels
   constexpr std::uint32_t kRatio = kTextureSize / kMaskSize;
   material.tint_mask.width_px = material.tint_mask.height_px = kMaskSize;
