@@ -92,6 +92,7 @@ class VisibilityRasterizer final : public Rasterizer {
   std::shared_ptr<const Cast> cast_;
   TextureStore textures_;
   std::vector<std::uint8_t> double_sided_;  // by character
+  std::vector<Cutout> cutouts_;             // by character; no flags: no triangle has holes
 
   // of the frame; grow only
   SampleGrid grid_{};
@@ -131,6 +132,19 @@ absl::Status VisibilityRasterizer::upload(std::shared_ptr<const Cast> cast) {
     };
     for (const CastMember& member : cast->members) {
       const Character& character = member.character;
+      for (const MipImage* image : {&character.base_color, &character.tint_mask}) {
+        std::uint64_t texels = 0;
+        for (std::uint32_t level = 0; level < image->level_count; ++level) {
+          texels += std::uint64_t{std::max(1U, image->width_px >> level)} *
+                    std::max(1U, image->height_px >> level);
+        }
+        if (image->level_count > 15 || texels * 4 > image->texels.size()) {
+          return absl::InvalidArgumentError(
+              absl::StrCat("visibility upload: ", character.name, ": a texture of ",
+                           image->width_px, "x", image->height_px, " px with ", image->level_count,
+                           " levels has ", image->texels.size(), " bytes"));
+        }
+      }
       TextureInfo info;
       if (character.base_color.level_count == 0) {
         info.base_first = static_cast<std::int32_t>(store.texels.size());
@@ -155,12 +169,22 @@ absl::Status VisibilityRasterizer::upload(std::shared_ptr<const Cast> cast) {
       store.infos.push_back(info);
       std::uint8_t flags = 0;
       for (const std::uint8_t one : character.triangle_flags) flags |= one;
-      double_sided.push_back((flags & (kTriangleDoubleSided | kTriangleAlphaCutout)) != 0);
+      double_sided.push_back((flags & kTriangleDoubleSided) != 0);
     }
   } catch (const std::bad_alloc&) {
     return absl::ResourceExhaustedError("visibility upload: no memory for the cast's textures");
   }
   textures_ = std::move(store);
+  cutouts_.clear();
+  for (std::size_t i = 0; i < cast->members.size(); ++i) {
+    const std::span<const std::uint8_t> flags = cast->members[i].character.triangle_flags;
+    const bool holes = std::any_of(flags.begin(), flags.end(), [](std::uint8_t one) {
+      return (one & kTriangleAlphaCutout) != 0;
+    });
+    const TextureInfo& info = textures_.infos[i];
+    cutouts_.push_back({holes ? flags.data() : nullptr, textures_.texels.data() + info.base_first,
+                        info.base_width, info.base_height, info.base_levels});
+  }
   double_sided_ = std::move(double_sided);
   cast_ = std::move(cast);
   return absl::OkStatus();
@@ -503,9 +527,13 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
         continue;
       }
       const std::uint32_t first = geometry.triangle_offset[i];
-      const InstanceTriangles triangles{
-          geometry.indices.data() + std::size_t{3} * first, geometry.triangle_offset[i + 1] - first,
-          first_block_[i], double_sided_[geometry.instances[i].character] != 0, f.clipped};
+      const Cutout& cutout = cutouts_[geometry.instances[i].character];
+      const InstanceTriangles triangles{geometry.indices.data() + std::size_t{3} * first,
+                                        geometry.triangle_offset[i + 1] - first,
+                                        first_block_[i],
+                                        double_sided_[geometry.instances[i].character] != 0,
+                                        f.clipped,
+                                        cutout.flags != nullptr ? &cutout : nullptr};
       draw_instance(triangles, projected_, geometry.vertices.data(), grid_, tile_x, tile_y,
                     scratch.planes, scratch.counters);
       ++scratch.counters.instances;

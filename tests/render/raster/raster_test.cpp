@@ -270,7 +270,6 @@ TEST_P(RasterTest, TintMultipliesBaseColourWhereTheMaskSaysSo) {
 }
 
 TEST_P(RasterTest, TransparentTexelsAreHolesWhereCutOutIsAsked) {
-  if (GetParam() == RasterKind::kVisibility) GTEST_SKIP() << "visibility draws cut-outs solid";
   const std::vector<std::uint8_t> half = {255, 0, 0, 255, 255, 0, 0, 0};
   for (const bool cutout : {false, true}) {
     ASSERT_TRUE(

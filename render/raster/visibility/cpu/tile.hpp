@@ -55,6 +55,13 @@ struct SampleGrid {
 Footprint project_vertices(const SampleGrid& grid, const BatchVertex* vertices, std::size_t begin,
                            std::size_t end, Projected& projected);
 
+/// The base colour of a character with cut-out triangles: texels with alpha under 128 are holes.
+struct Cutout {
+  const std::uint8_t* flags;    // Character::triangle_flags
+  const std::uint32_t* texels;  // all mip levels, one after the other
+  std::int32_t width_px, height_px, levels;
+};
+
 /// One instance's triangles, as the tile needs them.
 struct InstanceTriangles {
   const std::uint32_t* indices;  // [3 * count], into the frame's vertices
@@ -62,6 +69,7 @@ struct InstanceTriangles {
   std::uint32_t first_block;  // of the instance
   bool double_sided;
   bool clipped;
+  const Cutout* cutout = nullptr;  // null: no triangle has holes
 };
 
 struct TileCounters {

@@ -15,6 +15,7 @@
 #include "render/raster/visibility/cpu/tile.hpp"
 #include "render/raster/visibility/element/coverage.hpp"
 #include "render/raster/visibility/element/word.hpp"
+#include "throng/render/asset.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace throng::render::visibility {
@@ -234,6 +235,82 @@ void DrawOne(SnappedVertex a, SnappedVertex b, SnappedVertex c, std::uint32_t id
   DrawBlocks(s, planes);
 }
 
+/// A triangle with holes, sample by sample: cut-outs are few, and plain code keeps them exact.
+void DrawCutout(const Cutout& cutout, SnappedVertex v[3], const glm::vec2 uv_corner[3],
+                std::uint32_t id, bool double_sided, int tile_x, int tile_y, TilePlanes& planes,
+                TileCounters& counters) {
+  glm::vec2 uv[3] = {uv_corner[0], uv_corner[1], uv_corner[2]};
+  for (int k = 0; k < 3; ++k) {
+    v[k].x -= tile_x * element::kSubUnit;
+    v[k].y -= tile_y * element::kSubUnit;
+  }
+  std::int64_t area = element::doubled_area(v[0].x, v[0].y, v[1].x, v[1].y, v[2].x, v[2].y);
+  if (area < 0 && double_sided) {
+    std::swap(v[1], v[2]);
+    std::swap(uv[1], uv[2]);
+    area = -area;
+  }
+  if (area <= 0) return;
+  ++counters.surviving;
+  constexpr std::int32_t kHalf = element::kSubUnit / 2;
+  const int x_low =
+      std::max(0, (std::min({v[0].x, v[1].x, v[2].x}) + kHalf - 1) >> element::kSubBits);
+  const int y_low =
+      std::max(0, (std::min({v[0].y, v[1].y, v[2].y}) + kHalf - 1) >> element::kSubBits);
+  const int x_high =
+      std::min(kTileSamples - 1, (std::max({v[0].x, v[1].x, v[2].x}) - kHalf) >> element::kSubBits);
+  const int y_high =
+      std::min(kTileSamples - 1, (std::max({v[0].y, v[1].y, v[2].y}) - kHalf) >> element::kSubBits);
+  // the mip level where a texel is about a sample
+  const float texels = std::abs((uv[1].x - uv[0].x) * (uv[2].y - uv[0].y) -
+                                (uv[2].x - uv[0].x) * (uv[1].y - uv[0].y)) *
+                       static_cast<float>(cutout.width_px) * static_cast<float>(cutout.height_px);
+  float samples = static_cast<float>(area) / (element::kSubUnit * element::kSubUnit);
+  std::int32_t width = cutout.width_px, height = cutout.height_px;
+  const std::uint32_t* level = cutout.texels;
+  for (std::int32_t i = 1; i < cutout.levels && samples * 4.0F <= texels; ++i, samples *= 4.0F) {
+    level += static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+    width = std::max(1, width >> 1);
+    height = std::max(1, height >> 1);
+  }
+  const element::Edge edges[3] = {element::edge_between(v[1].x, v[1].y, v[2].x, v[2].y),
+                                  element::edge_between(v[2].x, v[2].y, v[0].x, v[0].y),
+                                  element::edge_between(v[0].x, v[0].y, v[1].x, v[1].y)};
+  const element::DepthPlane plane =
+      element::depth_plane(v[0].x, v[0].y, v[0].depth, v[1].x, v[1].y, v[1].depth, v[2].x, v[2].y,
+                           v[2].depth, static_cast<float>(area));
+  for (int y = y_low; y <= y_high; ++y) {
+    for (int x = x_low; x <= x_high; ++x) {
+      float share[3], sum = 0.0F;
+      bool inside = true;
+      for (int k = 0; k < 3; ++k) {
+        const std::int32_t e = edges[k].at_origin + edges[k].dx * x + edges[k].dy * y;
+        inside = inside && e >= 0;
+        share[k] = (static_cast<float>(e) + 0.5F) * v[k].inverse_w;  // perspective-correct
+        sum += share[k];
+      }
+      if (!inside) continue;
+      const float px = static_cast<float>(x * element::kSubUnit + kHalf - v[0].x);
+      const float py = static_cast<float>(y * element::kSubUnit + kHalf - v[0].y);
+      float z = (plane.z0 + px * plane.dzdx) + py * plane.dzdy;
+      z = std::min(std::max(z, plane.low), plane.high);
+      const std::size_t at = sample_index(x, y);
+      if (z < planes.depth[at] || (z == planes.depth[at] && id <= planes.id[at])) continue;
+      const glm::vec2 place = (uv[0] * share[0] + uv[1] * share[1] + uv[2] * share[2]) / sum;
+      const auto texel = [](float c, std::int32_t size) {
+        return std::min(std::max(static_cast<std::int32_t>(c * static_cast<float>(size)), 0),
+                        size - 1);
+      };
+      const std::uint32_t color =
+          level[static_cast<std::size_t>(texel(place.y, height)) * static_cast<std::size_t>(width) +
+                static_cast<std::size_t>(texel(place.x, width))];
+      if ((color >> 24) < 128U) continue;
+      planes.depth[at] = z;
+      planes.id[at] = id;
+    }
+  }
+}
+
 HWY_NOINLINE void DrawSpecial(const InstanceTriangles& triangles, std::uint32_t t, std::uint32_t id,
                               const Projected& projected, const BatchVertex* vertices,
                               const SampleGrid& grid, int tile_x, int tile_y, TilePlanes& planes,
@@ -253,6 +330,14 @@ HWY_NOINLINE void DrawSpecial(const InstanceTriangles& triangles, std::uint32_t 
       clip_space[k] = to_clip(grid.clip_from_relative, vertices[corner[k]].position_relative);
     }
     count = clip_triangle(grid, clip_space, polygon);
+  }
+  if (triangles.cutout != nullptr && !clip &&
+      (triangles.cutout->flags[t] & kTriangleAlphaCutout) != 0) {
+    glm::vec2 uv[3];
+    for (int k = 0; k < 3; ++k) uv[k] = glm::vec2(vertices[corner[k]].uv) / 65535.0F;
+    DrawCutout(*triangles.cutout, polygon, uv, id, triangles.double_sided, tile_x, tile_y, planes,
+               counters);
+    return;
   }
   for (int k = 1; k + 1 < count; ++k) {
     DrawOne(polygon[0], polygon[k], polygon[k + 1], id, triangles.double_sided, tile_x, tile_y,
@@ -310,6 +395,13 @@ void DrawInstance(const InstanceTriangles& triangles, const Projected& projected
     auto special = hn::Or(
         hn::Eq(raw0, hn::Set(di, kNeedsClip)),
         hn::Or(hn::Eq(raw1, hn::Set(di, kNeedsClip)), hn::Eq(raw2, hn::Set(di, kNeedsClip))));
+    if (triangles.cutout != nullptr) {
+      for (std::size_t lane = 0; lane < lanes; ++lane) {
+        const std::uint8_t flags = triangles.cutout->flags[t + std::min(lane, batch - 1)];
+        index[0][lane] = (flags & kTriangleAlphaCutout) != 0 ? 1U : 0U;
+      }
+      special = hn::Or(special, hn::Gt(hn::BitCast(di, hn::Load(du, index[0])), zero));
+    }
     const auto x0 = hn::Sub(raw0, corner_x);
     auto x1 = hn::Sub(raw1, corner_x);
     auto x2 = hn::Sub(raw2, corner_x);
