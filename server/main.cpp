@@ -59,22 +59,27 @@ throng::render::RasterKind raster_kind(const std::string& name) {
 void add_limits(CLI::App& app, ServerOptions& options) {
   throng::server::Limits& limits = options.limits;
   const char* const kGroup = "Limits";
-  const auto add = [&](const char* flag, auto& value, const char* text) {
-    app.add_option(flag, value, text)->capture_default_str()->group(kGroup);
+  const auto add = [&](const char* flag, auto& value, const char* text, double least = 1,
+                       double most = 4e9) {
+    app.add_option(flag, value, text)
+        ->capture_default_str()
+        ->check(CLI::Range(least, most))
+        ->group(kGroup);
   };
-  add("--max-message-bytes", limits.max_message_bytes, "Largest message taken");
+  add("--max-message-bytes", limits.max_message_bytes, "Largest message taken", 65'536, 2'147'483'647);
   add("--max-crowds", limits.max_crowds, "Named crowds");
   add("--max-viewers", limits.max_viewers, "View streams");
-  add("--max-agents", limits.max_agents_per_crowd, "Agents of a crowd");
-  add("--max-channels", limits.max_channels, "Channels of a crowd");
-  add("--max-history-bytes", limits.max_history_bytes_per_crowd, "History of a crowd");
-  add("--max-width", limits.max_width_px, "Width of a view, pixels");
-  add("--max-height", limits.max_height_px, "Height of a view, pixels");
+  add("--max-agents", limits.max_agents_per_crowd, "Agents of a crowd", 1, 16'777'216);
+  add("--max-channels", limits.max_channels, "Channels of a crowd", 0);
+  add("--max-history-bytes", limits.max_history_bytes_per_crowd, "History of a crowd", 1, 1e15);
+  add("--max-width", limits.max_width_px, "Width of a view, pixels", 16, 16'384);
+  add("--max-height", limits.max_height_px, "Height of a view, pixels", 16, 16'384);
   add("--max-frames-in-flight", limits.max_frames_in_flight,
       "Frames sent beyond the last acknowledged");
-  add("--max-vertex-budget", limits.max_vertex_budget, "Largest vertex budget a view may ask for");
-  add("--max-rate", limits.max_rate_hz, "Frames per second of a view");
-  add("--max-environment-bytes", limits.max_environment_bytes, "Text of a walkable area");
+  add("--max-vertex-budget", limits.max_vertex_budget, "Largest vertex budget a view may ask for", 1,
+      1e9);
+  add("--max-rate", limits.max_rate_hz, "Frames per second of a view", 0.01, 1000);
+  add("--max-environment-bytes", limits.max_environment_bytes, "Text of a walkable area", 0);
   add("--max-pending-pictures", limits.max_pending_pictures, "Still pictures that may wait");
 }
 
@@ -119,10 +124,17 @@ int main(int argc, char** argv) {
                "throng-server"};
   app.set_version_flag("--version", THRONG_VERSION);
   app.add_option("--cast", cast_folder, "Folder of baked characters (default: the built-in cast)");
-  app.add_option("--vertex-budget", options.default_vertex_budget,
-                 "Vertices per frame of a view that does not say")
+  auto* vertex_budget =
+      app.add_option("--vertex-budget", options.default_vertex_budget,
+                     "Vertices per frame of a view that does not say (default: as "
+                     "many as --target-ms allows)")
+          ->check(CLI::PositiveNumber);
+  options.target_ms = 33.0;  // leaves the encoder its share of 40 ms
+  app.add_option("--target-ms", options.target_ms,
+                 "Render time of a frame that views without a budget are kept to, by their detail")
       ->capture_default_str()
-      ->check(CLI::PositiveNumber);
+      ->excludes(vertex_budget)
+      ->check(CLI::Range(1.0, 10'000.0));
   app.add_option("--threads", pipeline.threads, "Render threads (0: one for each core)")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
@@ -150,6 +162,7 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? kOk : kUsage;
   }
+  if (vertex_budget->count() > 0) options.target_ms = 0.0;
 
   spdlog::set_default_logger(spdlog::stderr_color_mt("throng"));
   spdlog::set_level(spdlog::level::from_str(log_level));

@@ -172,6 +172,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(ServerOptions options,
   state->registry = std::make_unique<Registry>(cast, options.limits, options.playout, options.now);
   RenderLoopOptions loop_options;
   loop_options.default_vertex_budget = options.default_vertex_budget;
+  loop_options.target_ms = options.target_ms;
   loop_options.max_pending_pictures = options.limits.max_pending_pictures;
   loop_options.now = options.now;
   auto loop = RenderLoop::start(std::move(make_renderer), std::move(loop_options));
@@ -221,8 +222,12 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(ServerOptions options,
   }
   state->server = builder.BuildAndStart();
   if (state->server == nullptr || state->port == 0) {
-    return absl::UnavailableError(
-        absl::StrCat("--listen: can't bind ", options.listen.listen, "; is another server there?"));
+    const bool tls = !options.listen.tls_cert_file.empty();
+    return absl::UnavailableError(absl::StrCat(
+        "--listen: can't bind ", options.listen.listen, "; is another server there?",
+        tls ? absl::StrCat(" Or ", options.listen.tls_cert_file, " and ",
+                           options.listen.tls_key_file, " are not a PEM certificate and its key.")
+            : std::string()));
   }
   return std::unique_ptr<Server>(new Server(std::move(state)));
 }

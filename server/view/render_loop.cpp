@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "throng/render/control.hpp"
 #include "throng/render/encode.hpp"
 
 namespace throng::server {
@@ -68,7 +69,11 @@ constexpr std::size_t kCachedFrames = 8;
 }  // namespace
 
 struct RenderLoop::State {
-  explicit State(RenderLoopOptions loop_options) : options(std::move(loop_options)) {}
+  explicit State(RenderLoopOptions loop_options)
+      : options(std::move(loop_options)),
+        controller(render::make_controller({.kind = render::ControllerKind::kProportional,
+                                            .target_ms = options.target_ms,
+                                            .start_budget = options.default_vertex_budget})) {}
 
   void render_thread(MakeRenderer make_renderer);
   void encode_thread();
@@ -78,12 +83,14 @@ struct RenderLoop::State {
                  Clock::time_point& now);
 
   const RenderLoopOptions options;
+  const std::unique_ptr<render::BudgetController> controller;  // of the render thread
 
   mutable std::mutex mutex;
   std::condition_variable changed;      // work for the render thread, or stop
   std::condition_variable job_changed;  // `job` came or went, or stop
   bool stop = false;
   bool woken = false;
+  bool picture_was_last = false;  // of what the render thread took up
   std::optional<absl::Status> made;  // how making the renderer ended
   std::string compute_name, raster_name;
   std::vector<std::shared_ptr<Viewer>> viewers;
@@ -203,13 +210,6 @@ bool RenderLoop::State::next_work(std::optional<PictureRequest>& request, Recipi
   while (!stop) {
     now = options.now();
     woken = false;
-    if (!pictures.empty()) {
-      request = std::move(pictures.front().first);
-      recipients.done = std::move(pictures.front().second);
-      pictures.pop_front();
-      return true;
-    }
-
     // The viewer that is due first; viewers whose crowd is gone are told so.
     std::shared_ptr<Viewer> first;
     Clock::time_point first_due = Clock::time_point::max();
@@ -235,6 +235,17 @@ bool RenderLoop::State::next_work(std::optional<PictureRequest>& request, Recipi
       lock.lock();
       continue;
     }
+    // A still picture goes first, but not twice while a viewer waits: who asks for one after the
+    // other must not stop the streams.
+    const bool viewer_waits = first != nullptr && first_due <= now;
+    if (!pictures.empty() && !(picture_was_last && viewer_waits)) {
+      request = std::move(pictures.front().first);
+      recipients.done = std::move(pictures.front().second);
+      pictures.pop_front();
+      picture_was_last = true;
+      return true;
+    }
+    picture_was_last = false;
     if (first == nullptr) {
       changed.wait(lock, [this] { return stop || woken || !pictures.empty(); });
       continue;
@@ -307,8 +318,12 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   render::ViewSettings settings;
   settings.camera = *key.view.camera;
   settings.viewport = view.viewport;
-  settings.selection.vertex_budget =
-      view.vertex_budget != 0 ? view.vertex_budget : options.default_vertex_budget;
+  // a picture out of turn is the same whatever the machine did before
+  const bool controlled =
+      view.vertex_budget == 0 && options.target_ms > 0.0 && !recipients.viewers.empty();
+  settings.selection.vertex_budget = view.vertex_budget != 0 ? view.vertex_budget
+                                     : controlled            ? controller->vertex_budget()
+                                                             : options.default_vertex_budget;
   settings.look.shadows = view.shadows;
   settings.channel = view.channel.empty() ? -1 : view.crowd->channel_index(view.channel);
   settings.look.color_by_channel = settings.channel >= 0;
@@ -325,6 +340,7 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
     fail(recipients, status);
     return;
   }
+  if (controlled) controller->record(next.frame->stats.times, next.frame->stats.counters.vertices);
   next.frame->viewport = view.viewport;
   next.frame->camera = settings.camera;
   next.frame->vertex_budget = settings.selection.vertex_budget;

@@ -15,6 +15,7 @@ namespace throng::test {
 struct PainterLog {
   std::atomic<int> rendered{0};
   std::atomic<bool> fails{false};
+  std::atomic<double> raster_ms{0.0};  // what it says a picture took
   std::mutex mutex;
   std::condition_variable changed;
   bool held = false;  // while set, render does not return
@@ -53,6 +54,8 @@ class Painter final : public server::FrameRenderer {
     }
     stats = render::FrameStats();
     stats.scene_time_us = scene_time_us;
+    stats.times.raster_ms = log_->raster_ms.load();
+    stats.counters.vertices = settings.selection.vertex_budget;
     if (const auto newest = crowd.newest()) stats.counters.agents = newest->present_count;
     return absl::OkStatus();
   }

@@ -159,6 +159,40 @@ TEST_F(RenderLoopTest, AViewerWithoutCreditsCostsNothing) {
   EXPECT_EQ(slow.frames[3].frame_index, 4 + slow.frames[3].skipped_frames);
 }
 
+TEST_F(RenderLoopTest, SlowFramesCostDetailOfViewsThatAskForNoBudget) {
+  RenderLoopOptions options;
+  options.target_ms = 10.0;
+  options.default_vertex_budget = 1'000'000;
+  log_->raster_ms = 100.0;
+  loop_ = *RenderLoop::start(test::painter(log_), options);
+  std::vector<std::unique_ptr<Client>> clients;  // a frame may still come after `remove`
+  const auto budget_of = [&](double red, std::uint64_t asked) {
+    ViewRequest request = request_of(red);
+    request.vertex_budget = asked;
+    clients.push_back(std::make_unique<Client>(request));
+    Client& client = *clients.back();
+    client.loop = loop_.get();
+    loop_->add(client.viewer);
+    EXPECT_TRUE(client.wait_frames(1));
+    loop_->remove(client.viewer.get());
+    const std::lock_guard lock(client.mutex);
+    return client.frames.at(0).frame->vertex_budget;
+  };
+  std::uint64_t before = budget_of(0.0, 0);
+  EXPECT_EQ(before, 1'000'000U);
+  for (int i = 1; i < 6;
+       ++i) {  // another camera each time, or the picture would not be drawn again
+    const std::uint64_t now = budget_of(i, 0);
+    EXPECT_LT(now, before);
+    before = now;
+  }
+  EXPECT_EQ(budget_of(100.0, 777'777), 777'777U);
+  log_->raster_ms = 1.0;
+  budget_of(101.0, 0);
+  EXPECT_GT(budget_of(102.0, 0), before);
+  loop_.reset();
+}
+
 TEST_F(RenderLoopTest, TellsViewersOfADeletedCrowd) {
   Client client(request_of(1.0));
   loop_->add(client.viewer);
