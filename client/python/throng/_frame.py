@@ -24,6 +24,7 @@ YAWS: Dict[str, Tuple[float, float, float]] = {
 
 # A float32 beyond this has steps of 8 mm and more, which shows as trembling feet.
 COARSE_OFFSET_M = 65536.0
+FARTHEST_OFFSET_M = 1e7  # the server refuses a frame with an agent beyond it
 
 
 class Frame(NamedTuple):

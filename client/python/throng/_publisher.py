@@ -13,7 +13,7 @@ from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
-from throng._frame import COARSE_OFFSET_M, Axes, Frame, channel_columns
+from throng._frame import COARSE_OFFSET_M, FARTHEST_OFFSET_M, Axes, Frame, channel_columns
 from throng._ids import BadFrame, IdTable, Membership
 from throng._sender import Endpoint, Sender
 
@@ -36,7 +36,7 @@ class Stats:
     incomplete: int = 0     # frames the server refused because a part was missing
     unknown_epoch: int = 0  # frames the server refused until it had the ids again
     errors: int = 0         # calls whose arguments made no sense; each kind is logged once
-    bad_agents: int = 0     # rows left out: positions that are not finite, ids given twice
+    bad_agents: int = 0     # rows left out: positions that are not finite or too far, ids given twice
     id_collisions: int = 0  # string ids left out because another one has the same hash
     memberships: int = 0    # times the ids were sent
     connections: int = 0    # times the server has accepted this producer
@@ -193,10 +193,9 @@ class Publisher:
             heading_column = None if heading_column is None else heading_column[rows]
             quaternion_column = None if quaternion_column is None else quaternion_column[rows]
             columns = [column[rows] for column in columns]
-        # One sum finds what is not finite; only then are rows looked at.
-        with np.errstate(invalid="ignore", over="ignore"):
-            finite = math.isfinite(float(position_column.sum(dtype=np.float64)))
-        if not finite:
+        # The extremes find a row the server would refuse (NaN is both); only then are rows looked at.
+        if position_column.size and not (position_column.min() >= -FARTHEST_OFFSET_M
+                                         and position_column.max() <= FARTHEST_OFFSET_M):
             membership, position_column, heading_column, quaternion_column, columns = self._without_bad_rows(
                 membership, position_column, heading_column, quaternion_column, columns)
         if position_column.size and float(np.abs(position_column[:1, :2]).max()) > COARSE_OFFSET_M:
@@ -219,12 +218,11 @@ class Publisher:
 
     def _without_bad_rows(self, membership: Membership, positions: np.ndarray, headings: Optional[np.ndarray],
                           quaternions: Optional[np.ndarray], columns: List[np.ndarray]) -> Any:
-        rows = np.flatnonzero(np.isfinite(positions).all(axis=1))
+        rows = np.flatnonzero((np.abs(positions) <= FARTHEST_OFFSET_M).all(axis=1))
         missing = positions.shape[0] - rows.size
-        if missing == 0:  # the sum overflowed, the rows are fine
-            return membership, positions, headings, quaternions, columns
         self._counts["bad_agents"] += missing
-        self._report("not-finite", f"publish: {missing} agents have no finite position at some time; they are left out")
+        self._report("not-finite", f"publish: {missing} agents have no finite position within {FARTHEST_OFFSET_M:.0f} m "
+                                   "of the origin at some time; they are left out")
         if self._partial is None or self._partial[0] is not membership or not np.array_equal(self._partial[1], rows):
             names = None if membership.names is None else [membership.names[row] for row in rows]
             self._partial = (membership, rows, Membership(membership.ids[rows], names))

@@ -257,6 +257,13 @@ def test_agents_without_a_finite_position_are_left_out(server):
     assert pub.stats.bad_agents == 3
 
 
+def test_agents_farther_than_the_server_takes_are_left_out(server):
+    with throng.connect(server.url) as pub:
+        pub.publish(0.0, [1, 2, 3], [(0, 0), (0, -1.1e7), (1e7, 2)])
+    assert server.frames[0].ids.tolist() == [1, 3]
+    assert pub.stats.bad_agents == 1 and "within 10000000 m" in pub.stats.last_error
+
+
 def test_more_agents_than_the_server_takes_are_left_out_with_a_message(make_server):
     server = make_server(max_agents=2)
     with throng.connect(server.url) as pub:
