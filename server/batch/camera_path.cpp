@@ -13,6 +13,7 @@ namespace {
 using nlohmann::json;
 
 constexpr double kFarthestM = 1e8;
+constexpr double kLatestS = 1e9;  // differences of times stay finite and exact to microseconds
 
 absl::Status read_vector(const json& object, const char* key, const std::string& where, bool wanted,
                          glm::dvec3& vector) {
@@ -114,6 +115,10 @@ absl::StatusOr<CameraPath> CameraPath::read(const std::string& file) {
       return absl::InvalidArgumentError(absl::StrCat(where, ": 'time_s' is missing or no number"));
     }
     key.time_s = object["time_s"].get<double>();
+    if (!(std::abs(key.time_s) <= kLatestS)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(where, ": 'time_s' is ", key.time_s, ", must be within ", kLatestS, " s"));
+    }
     if (!path.keys_.empty() && !(key.time_s > path.keys_.back().time_s)) {
       return absl::InvalidArgumentError(absl::StrCat(where, ": 'time_s' is ", key.time_s,
                                                      ", must be over the one before, ",

@@ -225,7 +225,8 @@ std::string stats_line(std::uint32_t number, const std::string& path,
                                        {"raster_ms", t.raster_ms},
                                        {"resolve_ms", t.resolve_ms},
                                        {"read_back_ms", t.read_back_ms}};
-  return line.dump() + "\n";
+  // a path is bytes and need not be UTF-8
+  return line.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
 BatchOutcome failure(ExitCode code, std::string error) {

@@ -3,8 +3,10 @@
 
 #include <CLI/CLI.hpp>
 #include <atomic>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <string>
 
@@ -20,6 +22,8 @@ std::atomic<bool> stop_requested = false;
 volatile std::sig_atomic_t stop_signal = 0;
 
 extern "C" void on_signal(int signal) {
+  // a second one means now: the first waits for the picture, or the file, that is under way
+  if (stop_signal != 0) std::_Exit(128 + signal);
   stop_signal = signal;
   stop_requested.store(true);  // lock-free, so allowed here
 }
@@ -160,13 +164,14 @@ int main(int argc, char** argv) {
     return usage("give either a trajectory file or --synthetic AGENTS");
   }
   double width = 0, height = 0;
-  if (!parse_pair(size, 'x', width, height) || width < 1 || height < 1 || width > 16384 ||
-      height > 16384) {
+  const auto fits = [](double side) { return side >= 1 && side <= 16384; };  // false for NaN
+  if (!parse_pair(size, 'x', width, height) || !fits(width) || !fits(height)) {
     return usage("--size: '" + size + "' must be WxH with 1 to 16384 px a side");
   }
   job.viewport = {static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height)};
   if (!channel_range.empty() &&
       (!parse_pair(channel_range, ':', job.channel_low, job.channel_high) ||
+       !std::isfinite(job.channel_low) || !std::isfinite(job.channel_high) ||
        job.channel_low == job.channel_high)) {
     return usage("--channel-range: '" + channel_range + "' must be LOW:HIGH with LOW != HIGH");
   }

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 
 import pytest
 
@@ -85,6 +86,7 @@ def test_camera_file_moves_the_view(program, csv, tmp_path):
         (("--synthetic", 5, "-o", "out.png"), 2, "exactly one place"),
         (("--synthetic", 5, "-o", "out/#.gif"), 2, ".png, .jpg or .mp4"),
         (("--synthetic", 5, "-o", "#.png", "--size", "0x5"), 2, "--size"),
+        (("--synthetic", 5, "-o", "#.png", "--size", "nanxnan"), 2, "--size"),
         (("--synthetic", 5, "-o", "#.png", "--frames", "5-1"), 2, "--frames"),
         (("--synthetic", 5, "-o", "#.png", "--shard", "4/3"), 2, "--shard"),
         (("--synthetic", 5, "-o", "a.mp4", "--shard", "1/3"), 2, "a video is one file"),
@@ -101,11 +103,19 @@ def test_bad_input_is_one_clear_error_with_its_exit_code(program, arguments, cod
     assert words in result.stderr
 
 
-def test_a_file_that_breaks_off_keeps_the_pictures_before(program, tmp_path):
+def test_a_name_that_is_not_utf8_is_only_a_name(program, tmp_path):
+    result = program("throng-render", "--synthetic", 5, "-o", os.fsdecode(b"\xe4#.png"), "--frames", "1",
+                     "--stats", "stats.jsonl", "-q", *SMALL)
+    assert result.returncode == 0, result.stderr
+    assert json.loads((tmp_path / "stats.jsonl").read_text())["frame"] == 1
+
+
+def test_a_file_that_breaks_off_is_refused_before_the_first_picture(program, tmp_path):
     (tmp_path / "broken.csv").write_text(CSV + "1.1,1,oops,2\n")
     result = program("throng-render", "broken.csv", "-o", "out/#.png", "--fps", 10, *SMALL)
     assert result.returncode == 3
     assert "broken.csv" in result.stderr and "oops" in result.stderr
+    assert not (tmp_path / "out").exists()
 
 
 COVERED = {

@@ -54,6 +54,8 @@ TEST(CameraPathTest, WrongFilesNameFileKeyAndLimit) {
       {R"({"eye":[0,0,0],"target":[1,1,1],"fov_y_deg":180})", "'fov_y_deg' is 180"},
       {R"({"keys":[]})", "at least one"},
       {R"({"keys":[{"eye":[0,0,0],"target":[1,1,1]}]})", "'time_s' is missing"},
+      {R"({"keys":[{"time_s":-1e308,"eye":[0,0,0],"target":[1,1,1]}]})",
+       "keys[0]: 'time_s' is -1e+308"},
       {R"({"keys":[{"time_s":1,"eye":[0,0,0],"target":[1,1,1]},
                    {"time_s":1,"eye":[0,0,0],"target":[1,1,1]}]})",
        "keys[1]: 'time_s' is 1"},
