@@ -90,7 +90,7 @@ struct RenderLoop::State {
   std::condition_variable job_changed;  // `job` came or went, or stop
   bool stop = false;
   bool woken = false;
-  bool picture_was_last = false;  // of what the render thread took up
+  bool picture_was_last = false;     // of what the render thread took up
   std::optional<absl::Status> made;  // how making the renderer ended
   std::string compute_name, raster_name;
   std::vector<std::shared_ptr<Viewer>> viewers;

@@ -247,6 +247,35 @@ TEST_F(RenderLoopTest, PictureAtAGivenTimeAsPng) {
   EXPECT_EQ(image->rgbx.at(0), 77);
 }
 
+TEST_F(RenderLoopTest, StillPicturesDoNotStopTheStreams) {
+  PictureRequest request;
+  request.view = request_of(3.0);
+  Client viewer(request_of(1.0));
+  std::mutex mutex;
+  std::condition_variable changed;
+  int answered = 0;
+  std::size_t frames_before_second = 0;
+  const auto done = [&](auto) {
+    const std::lock_guard lock(mutex);
+    if (++answered == 2) {
+      const std::lock_guard frames_lock(viewer.mutex);
+      frames_before_second = viewer.frames.size();
+    }
+    changed.notify_all();
+  };
+  log_->hold(true);
+  ASSERT_TRUE(loop_->picture(request, done).ok());
+  loop_->add(viewer.viewer);
+  ASSERT_TRUE(loop_->picture(request, done).ok());
+  log_->hold(false);
+  std::unique_lock lock(mutex);
+  EXPECT_TRUE(changed.wait_for(lock, kDeadline, [&] { return answered == 2; }));
+  // One encoder answers in the order of rendering: picture, viewer, picture.
+  EXPECT_GE(frames_before_second, 1U);
+  lock.unlock();
+  loop_.reset();
+}
+
 TEST_F(RenderLoopTest, PicturesThatWaitAreBoundedAndAllAnswered) {
   log_->hold(true);
   std::atomic<int> answered{0};
