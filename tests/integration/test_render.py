@@ -125,13 +125,23 @@ COVERED = {
     "madras_lyon_festival_1A.txt": (),
     "jupedsim_demo.sqlite": (),
     "jupedsim_sib2023_2500_agents.sqlite": (),
+    "ucy_zara01_obsmat.txt": (),
+    "vadere_bottleneck_postvis.traj": (),
+    "pathfinder_room.csv": (),
+    "crowdit.csv.gz": (),
+    "sumo_60_persons.fcd.xml": (),
+    "sumo_grid_4700_persons.fcd.xml.gz": (),
+    "rvo2_blocks_100_agents.txt": (),
+    "menge_4square_100_agents_v2.1.scb": (),
+    "menge_tradeshow_1025_agents_v2.1.scb": (),
+    "menge_office_48_agents_v1.0.scb": ("--source-fps", 10),
 }
 
 
 @pytest.mark.parametrize("name", COVERED)
 def test_real_trajectories_become_pictures(program, data_dir, tmp_path, name):
     path = data_dir / "trajectories" / name
-    result = program("throng-render", path, *COVERED[name], "-o", "out/####.png", "--frames", "1,40", *SMALL,
+    result = program("throng-render", path, *COVERED[name], "-o", "out/####.png", "--frames", "1,10", *SMALL,
                      "--stats", "stats.jsonl", "--fps", 2)
     assert result.returncode == 0, result.stderr
     assert len(list((tmp_path / "out").iterdir())) == 2
