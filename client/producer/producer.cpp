@@ -294,9 +294,13 @@ bool Producer::State::send(Stream& stream, const Frame& frame, std::uint64_t fra
     chunk.set_epoch(members.epoch);
     chunk.set_first_agent(static_cast<std::uint32_t>(first));
     chunk.set_positions(frame.positions.data() + 3 * first, rows * 3 * sizeof(float));
-    if (!frame.headings.empty()) {
+    // The message is used again and again: a column of an earlier frame must not stay in it.
+    if (frame.headings.empty()) {
+      chunk.clear_orientation();
+    } else {
       chunk.set_headings(frame.headings.data() + first, rows * sizeof(float));
     }
+    if (frame.channels.empty()) chunk.clear_channels();
     while (chunk.channels_size() < static_cast<int>(frame.channels.size())) chunk.add_channels();
     for (std::size_t i = 0; i < frame.channels.size(); ++i) {
       chunk.set_channels(static_cast<int>(i), frame.channels[i].data() + first,

@@ -67,6 +67,26 @@ TEST(ProducerTest, LargeFramesAreSplitBelowTheServersLimit) {
   EXPECT_EQ(server.crowd("station").agents(), kAgents);
 }
 
+TEST(ProducerTest, ColumnsOfAnEarlierFrameAreNotSentAgain) {
+  const TestServer server;
+  ProducerOptions options;
+  options.channels = {"speed"};
+  auto producer = Producer::connect(server.address(), "station", options);
+  const std::vector<float> column(2, 1.5F);
+  const std::vector<std::span<const float>> channels = {column};
+  EXPECT_TRUE(
+      producer->publish(0, ids_to(2), std::vector<double>{0.0, 0.0, 5.0, 0.0}, column, channels));
+  // The same agents, so no membership comes between the two.
+  EXPECT_TRUE(producer->publish(100'000, ids_to(2), std::vector<double>{0.2, 0.0, 5.2, 0.0}));
+  ASSERT_TRUE(producer->flush(kLong).ok()) << producer->stats().last_error;
+  const auto crowd = server.server->registry().find("station");
+  ASSERT_TRUE(crowd.ok());
+  const auto newest = (*crowd)->moment(server::Clock::now()).crowd->newest();
+  ASSERT_EQ(newest->time_us, 100'000);
+  EXPECT_TRUE(newest->channels.empty());
+  for (const float heading_rad : newest->heading_rad) EXPECT_NE(heading_rad, 1.5F);
+}
+
 TEST(ProducerTest, OriginKeepsFarCoordinatesExact) {
   const TestServer server;
   ProducerOptions options;
