@@ -66,7 +66,8 @@ void add_limits(CLI::App& app, ServerOptions& options) {
         ->check(CLI::Range(least, most))
         ->group(kGroup);
   };
-  add("--max-message-bytes", limits.max_message_bytes, "Largest message taken", 65'536, 2'147'483'647);
+  add("--max-message-bytes", limits.max_message_bytes, "Largest message taken", 65'536,
+      2'147'483'647);
   add("--max-crowds", limits.max_crowds, "Named crowds");
   add("--max-viewers", limits.max_viewers, "View streams");
   add("--max-agents", limits.max_agents_per_crowd, "Agents of a crowd", 1, 16'777'216);
@@ -76,8 +77,8 @@ void add_limits(CLI::App& app, ServerOptions& options) {
   add("--max-height", limits.max_height_px, "Height of a view, pixels", 16, 16'384);
   add("--max-frames-in-flight", limits.max_frames_in_flight,
       "Frames sent beyond the last acknowledged");
-  add("--max-vertex-budget", limits.max_vertex_budget, "Largest vertex budget a view may ask for", 1,
-      1e9);
+  add("--max-vertex-budget", limits.max_vertex_budget, "Largest vertex budget a view may ask for",
+      1, 1e9);
   add("--max-rate", limits.max_rate_hz, "Frames per second of a view", 0.01, 1000);
   add("--max-environment-bytes", limits.max_environment_bytes, "Text of a walkable area", 0);
   add("--max-pending-pictures", limits.max_pending_pictures, "Still pictures that may wait");

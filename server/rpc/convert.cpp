@@ -114,6 +114,9 @@ absl::Status apply_options(const v1::ViewOptions& options, const Registry& regis
     next.camera = *camera;
   }
   constexpr std::uint32_t kSmallestPx = 16;
+  // The defaults, too, keep to a limit that was set below them.
+  next.viewport.width_px = std::min(next.viewport.width_px, limits.max_width_px);
+  next.viewport.height_px = std::min(next.viewport.height_px, limits.max_height_px);
   if (options.has_width_px()) {
     if (options.width_px() < kSmallestPx || options.width_px() > limits.max_width_px) {
       return out_of_range("width_px", options.width_px(), kSmallestPx, limits.max_width_px);

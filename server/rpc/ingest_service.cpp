@@ -142,6 +142,7 @@ class PublishStream final : public BidiStream<v1::PublishAgentsRequest, v1::Publ
           acknowledge_frame(refused.frame_index, v1::FrameAck::OUTCOME_INCOMPLETE);
           break;
         case FrameAssembler::Verdict::kLate:
+          publication_->count_late();
           acknowledge_frame(refused.frame_index, v1::FrameAck::OUTCOME_LATE);
           break;
       }

@@ -14,9 +14,18 @@ constexpr double kFarthestOriginM = 1e9;
 constexpr double kHighestRateHz = 10'000.0;
 
 absl::Status check_text(const char* field, const std::string& text) {
-  if (text.size() <= kLongestText) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("start.", field, ": it has ", text.size(), " bytes, at most ", kLongestText));
+  if (text.size() > kLongestText) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("start.", field, ": it has ", text.size(), " bytes, at most ", kLongestText));
+  }
+  // It is shown in logs and terminals, where a line break or an escape would forge lines.
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (byte >= 0x20 && byte != 0x7f) continue;
+    return absl::InvalidArgumentError(absl::StrCat(
+        "start.", field, ": byte 0x", absl::Hex(byte, absl::kZeroPad2), " is a control character"));
+  }
+  return absl::OkStatus();
 }
 
 absl::Status check(const StartRequest& request, const Limits& limits) {
@@ -101,7 +110,7 @@ CrowdReport NamedCrowd::report() const {
   report.incomplete_frames = incomplete_frames_;
   const render::CrowdCounters counters = crowd_->counters();
   report.frames = counters.frames;
-  report.late_frames = counters.late_frames + counters.duplicate_frames;
+  report.late_frames = late_frames_ + counters.late_frames + counters.duplicate_frames;
   report.oldest_time_us = crowd_->oldest_time_us();
   report.history_bytes = crowd_->history_bytes();
   report.box = {start_.origin_world, start_.origin_world};
@@ -145,6 +154,11 @@ absl::StatusOr<PushOutcome> Publication::push(render::AgentFrame frame) {
   const std::lock_guard lock(crowd_->mutex_);
   if (crowd_->owner_ == id_) crowd_->clock_.on_frame(time_us, now_());
   return PushOutcome::kApplied;
+}
+
+void Publication::count_late() {
+  const std::lock_guard lock(crowd_->mutex_);
+  if (crowd_->owner_ == id_) ++crowd_->late_frames_;
 }
 
 void Publication::count_incomplete() {
@@ -214,6 +228,7 @@ absl::StatusOr<std::unique_ptr<Publication>> Registry::start(StartRequest reques
       named->overview_.forget();
       named->walkable_area_wkt_.clear();
       named->incomplete_frames_ = 0;
+      named->late_frames_ = 0;
     }
     named->start_ = std::move(request);
     publication.reset(new Publication(now_, limits_.max_environment_bytes, named, named->owner_));

@@ -98,6 +98,7 @@ class NamedCrowd {
   OverviewBox overview_;
   std::string walkable_area_wkt_;
   std::uint64_t incomplete_frames_ = 0;
+  std::uint64_t late_frames_ = 0;  // that never reached crowd_
   std::uint64_t owner_ = 0;  // publication that feeds the crowd, 0: none
   std::function<void()> on_revoked_;
 };
@@ -115,6 +116,8 @@ class Publication {
   /// Adds a frame to the crowd's history. Errors as render::Crowd::push; Aborted when another
   /// producer has taken over.
   absl::StatusOr<PushOutcome> push(render::AgentFrame frame);
+  /// A frame that was late by its index and so was never pushed.
+  void count_late();
   void count_incomplete();
   absl::Status set_walkable_area(std::string wkt);
   std::uint32_t viewers() const { return crowd_->viewers(); }

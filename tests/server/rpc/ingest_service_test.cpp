@@ -73,6 +73,7 @@ TEST(IngestServiceTest, LateFramesAreAckedAsLate) {
   EXPECT_EQ(publishing.outcome(), FrameAck::OUTCOME_APPLIED);
   ASSERT_TRUE(publishing.chunk(4, 1, 0, 1));
   EXPECT_EQ(publishing.outcome(), FrameAck::OUTCOME_LATE);
+  EXPECT_EQ(server.crowd("station").late_frames(), 1U);
 }
 
 TEST(IngestServiceTest, AProducerThatReconnectsContinuesItsRun) {

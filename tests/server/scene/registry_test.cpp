@@ -81,6 +81,18 @@ TEST_F(RegistryTest, RefusesChannelsThatAreTooManyOrTwice) {
   EXPECT_TRUE(registry.list().empty());
 }
 
+TEST_F(RegistryTest, RefusesTextThatWouldForgeLinesInALog) {
+  StartRequest request = start_of("a", "r");
+  request.producer = "sim\nevent=stopped";
+  EXPECT_EQ(registry.start(request, [] {}).status().message(),
+            "start.producer: byte 0x0a is a control character");
+  request = start_of("a", "\x1b[2J");
+  EXPECT_EQ(registry.start(request, [] {}).status().code(), absl::StatusCode::kInvalidArgument);
+  request = start_of("a", "r");
+  request.producer = "Fu\xc3\x9fg\xc3\xa4nger 1.0";
+  EXPECT_TRUE(registry.start(request, [] {}).ok());
+}
+
 TEST_F(RegistryTest, RefusesOriginAndRateThatAreNoNumbers) {
   StartRequest request = start_of("a", "r");
   request.origin_world.y = std::numeric_limits<double>::quiet_NaN();
