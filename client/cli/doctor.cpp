@@ -106,7 +106,9 @@ int run_doctor(const Common& common, bool ask_server, bool json) {
   if (json) {
     // One object; a remote server's report is a command of its own, 'info --json'.
     nlohmann::json all = {{"throng_server", program}, {"local", local}};
-    std::printf("%s\n", all.dump(2).c_str());
+    // A path need not be UTF-8.
+    const std::string text = all.dump(2, ' ', false, nlohmann::json::error_handler_t::replace);
+    std::printf("%s\n", text.c_str());
     return kOk;
   }
   if (program.empty()) {
