@@ -130,8 +130,8 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0.001, 10000.0));
   app.add_option("--source-unit", unit, "Unit of length of the file, where it does not say")
       ->check(CLI::IsMember({"m", "cm"}));
-  app.add_option("--z", z_rule, "What the file's z is: ground height, or head height (ignored)")
-      ->check(CLI::IsMember({"ground", "head"}));
+  app.add_option("--z", z_rule, "What the file's z is: height of the ground, or to be ignored")
+      ->check(CLI::IsMember({"ground", "ignore"}));
   app.add_option("--format", job.read.format,
                  "Format of the file, where it can't be told by content");
   app.add_option("--jpeg-quality", job.jpeg_quality, "1 to 100")

@@ -88,6 +88,10 @@ class ServerService final : public v1::ServerService::CallbackService {
     limits.set_max_width_px(from.max_width_px);
     limits.set_max_height_px(from.max_height_px);
     limits.set_max_frames_in_flight(from.max_frames_in_flight);
+    limits.set_max_vertex_budget(from.max_vertex_budget);
+    limits.set_max_rate_hz(from.max_rate_hz);
+    limits.set_max_environment_bytes(from.max_environment_bytes);
+    limits.set_max_pending_pictures(from.max_pending_pictures);
     for (const render::CastMember& member : cast.members) {
       v1::CharacterInfo& character = *info_.add_cast();
       character.set_name(member.character.name);
