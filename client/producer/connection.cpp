@@ -89,7 +89,6 @@ absl::StatusOr<std::shared_ptr<const Connection>> Connection::open(ConnectionOpt
   // The server's defaults allow this; an idle connection behind a NAT would be forgotten otherwise.
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 20'000);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10'000);
-  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 200);
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 200);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 5'000);
   // A connection of its own for each Connection: a stream that is stuck holds up no other.

@@ -27,6 +27,8 @@ class PublishStream final : public BidiStream<v1::PublishAgentsRequest, v1::Publ
       if (absl::Status status = handle(request()); !status.ok()) {
         spdlog::debug("connection={} event=publish_refused crowd={} status=\"{}\"", connection(),
                       crowd_name(), status.ToString());
+        // Before the producer hears of it: when it comes back, the crowd must be free.
+        release();
         finish(std::move(status));
       }
       next_message();

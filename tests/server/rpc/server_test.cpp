@@ -24,7 +24,7 @@ constexpr const char* kReflection =
 grpc::Status server_info(const std::shared_ptr<grpc::Channel>& channel,
                          v1::GetServerInfoResponse& response, const std::string& token = {}) {
   grpc::ClientContext context;
-  context.set_deadline(std::chrono::system_clock::now() + kDeadline);
+  prepare(context);
   if (!token.empty()) context.AddMetadata("authorization", "Bearer " + token);
   return v1::ServerService::NewStub(channel)->GetServerInfo(&context, {}, &response);
 }
@@ -104,6 +104,7 @@ TEST(ServerTest, ListsCrowdsByName) {
   ASSERT_TRUE(b.start("b") && a.start("a"));
   ASSERT_TRUE(b.read().has_value() && a.read().has_value());
   grpc::ClientContext context;
+  prepare(context);
   v1::ListCrowdsResponse crowds;
   ASSERT_TRUE(v1::CrowdService::NewStub(server.channel())->ListCrowds(&context, {}, &crowds).ok());
   ASSERT_EQ(crowds.crowds_size(), 2);
@@ -158,7 +159,8 @@ TEST(ServerTest, TlsWithATokenForOtherMachines) {
     const auto connection = client::Connection::open(connection_options);
     EXPECT_TRUE(connection.ok()) << connection.status();
     grpc::ClientContext context;
-    context.set_deadline(std::chrono::system_clock::now() + kDeadline);
+    prepare(context);
+    context.set_wait_for_ready(!connection_options.ca_file.empty());
     (*connection)->prepare(context);
     v1::GetServerInfoResponse info;
     return v1::ServerService::NewStub((*connection)->channel())

@@ -22,7 +22,13 @@
 namespace throng::test {
 
 /// Generous: it only bounds how long a broken build hangs.
-constexpr std::chrono::seconds kDeadline{60};
+constexpr std::chrono::seconds kDeadline{300};
+
+/// A slow machine may need a second attempt to connect.
+inline void prepare(grpc::ClientContext& context) {
+  context.set_wait_for_ready(true);
+  context.set_deadline(std::chrono::system_clock::now() + kDeadline);
+}
 
 template <typename T>
 std::string bytes_of(const std::vector<T>& values) {
@@ -55,6 +61,7 @@ class TestServer {
 
   v1::CrowdInfo crowd(const std::string& name) const {
     grpc::ClientContext context;
+    prepare(context);
     v1::GetCrowdRequest request;
     request.set_crowd_name(name);
     v1::GetCrowdResponse response;
@@ -76,7 +83,7 @@ class Publishing {
 
   explicit Publishing(const std::shared_ptr<grpc::Channel>& channel)
       : stub_(v1::IngestService::NewStub(channel)) {
-    context_.set_deadline(std::chrono::system_clock::now() + kDeadline);
+    prepare(context_);
     stream_ = stub_->PublishAgents(&context_);
   }
   ~Publishing() {
@@ -149,7 +156,7 @@ class Viewing {
  public:
   explicit Viewing(const std::shared_ptr<grpc::Channel>& channel)
       : stub_(v1::ViewService::NewStub(channel)) {
-    context_.set_deadline(std::chrono::system_clock::now() + kDeadline);
+    prepare(context_);
     stream_ = stub_->StreamView(&context_);
   }
   ~Viewing() {
@@ -219,7 +226,7 @@ class RawCall {
   RawCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
           const std::string& request, const std::string& authorization = {})
       : stub_(channel) {
-    context_.set_deadline(std::chrono::system_clock::now() + kDeadline);
+    prepare(context_);
     if (!authorization.empty()) context_.AddMetadata("authorization", authorization);
     call_ = stub_.PrepareCall(&context_, method, &queue_);
     call_->StartCall(tag());

@@ -192,6 +192,7 @@ TEST_F(ViewServiceTest, EndsViewsOfACrowdThatIsDeleted) {
   ASSERT_TRUE(viewing.send(Viewing::options("station", 1.0)));
   ASSERT_TRUE(viewing.next().has_value());
   grpc::ClientContext context;
+  prepare(context);
   v1::DeleteCrowdRequest request;
   request.set_crowd_name("station");
   v1::DeleteCrowdResponse response;
@@ -205,6 +206,7 @@ TEST_F(ViewServiceTest, StillPictureAsJpegAndPng) {
   const auto stub = v1::ViewService::NewStub(server->channel());
   const auto ask = [&](v1::GetPictureRequest::Format format, v1::GetPictureResponse& response) {
     grpc::ClientContext context;
+    prepare(context);
     v1::GetPictureRequest request;
     *request.mutable_options() = Viewing::options("station", 99.0);
     request.set_format(format);
