@@ -10,7 +10,8 @@
 
 namespace throng::simplify {
 
-/// 8-bit sRGB colour with straight alpha, rows from the top: texel (x, y) is at 4 * (y * width_px + x).
+/// 8-bit sRGB colour with straight alpha, rows from the top: texel (x, y) is at 4 * (y * width_px +
+/// x).
 struct SourceImage {
   std::uint32_t width_px = 0;
   std::uint32_t height_px = 0;
@@ -33,9 +34,9 @@ struct SourceMaterial {
 
 /// A point of the surface and what moves it.
 struct SourcePoint {
-  glm::vec3 position{0.0F};           // metres, bind pose, model frame
-  glm::u16vec4 joint{0};              // strongest first
-  glm::vec4 weight{1.0F, 0, 0, 0};    // sums to 1
+  glm::vec3 position{0.0F};         // metres, bind pose, model frame
+  glm::u16vec4 joint{0};            // strongest first
+  glm::vec4 weight{1.0F, 0, 0, 0};  // sums to 1
 };
 
 /// One corner of a triangle: indices into SourceCharacter's points, normals and uvs.
@@ -52,7 +53,7 @@ struct SourceTriangle {
 
 struct SourceJoint {
   std::string name;
-  std::int32_t parent = -1;  // smaller than the joint's own index, or -1
+  std::int32_t parent = -1;          // smaller than the joint's own index, or -1
   glm::mat4 joint_from_model{1.0F};  // inverse bind matrix
 };
 
@@ -67,8 +68,8 @@ struct SourceClip {
   float stride_m = 0.0F;                    // distance of one cycle; 0: measured at bake
 };
 
-/// What import and the built-in cast hand to rebuilding: an indexed mesh with separate uv and normal
-/// indices, a skeleton and sampled clips.
+/// What import and the built-in cast hand to rebuilding: an indexed mesh with separate uv and
+/// normal indices, a skeleton and sampled clips.
 ///
 /// Model frame: right-handed, +Z up, facing +X, metres, feet on z = 0 and the origin between them.
 /// uv: (0, 0) is the top left texel corner, as in glTF.

@@ -14,7 +14,8 @@ inline std::string data_dir() {
       set != nullptr ? std::filesystem::path(set)
                      : std::filesystem::path(THRONG_SOURCE_DIR) / ".." / "shared" / "data";
   std::error_code error;
-  return std::filesystem::is_directory(path, error) ? path.lexically_normal().string() : std::string();
+  return std::filesystem::is_directory(path, error) ? path.lexically_normal().string()
+                                                    : std::string();
 }
 
 }  // namespace throng::test

@@ -2,9 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <hwy/highway.h>
 #include <algorithm>
 #include <cstring>
-#include <hwy/highway.h>
 #include <memory>
 #include <random>
 #include <vector>
@@ -33,7 +33,8 @@ struct Mesh {
   }
 };
 
-std::unique_ptr<TilePlanes> drawn(const Mesh& mesh, int tile_x, int tile_y, bool double_sided = false) {
+std::unique_ptr<TilePlanes> drawn(const Mesh& mesh, int tile_x, int tile_y,
+                                  bool double_sided = false) {
   auto planes = std::make_unique<TilePlanes>();
   clear_tile(*planes);
   TileCounters counters;
@@ -43,7 +44,8 @@ std::unique_ptr<TilePlanes> drawn(const Mesh& mesh, int tile_x, int tile_y, bool
 }
 
 /// The plainest rasterizer: every sample of every triangle, 64-bit edge functions, top-left rule.
-std::unique_ptr<TilePlanes> plainly_drawn(const Mesh& mesh, int tile_x, int tile_y, bool double_sided) {
+std::unique_ptr<TilePlanes> plainly_drawn(const Mesh& mesh, int tile_x, int tile_y,
+                                          bool double_sided) {
   auto planes = std::make_unique<TilePlanes>();
   clear_tile(*planes);
   for (std::size_t t = 0; t < mesh.indices.size() / 3; ++t) {
@@ -57,10 +59,11 @@ std::unique_ptr<TilePlanes> plainly_drawn(const Mesh& mesh, int tile_x, int tile
     }
     if (area <= 0) continue;
     const auto z = [&](int k) { return mesh.projected.depth[v[k]]; };
-    const element::DepthPlane plane = element::depth_plane(
-        static_cast<std::int32_t>(x(0)), static_cast<std::int32_t>(y(0)), z(0),
-        static_cast<std::int32_t>(x(1)), static_cast<std::int32_t>(y(1)), z(1),
-        static_cast<std::int32_t>(x(2)), static_cast<std::int32_t>(y(2)), z(2), static_cast<float>(area));
+    const element::DepthPlane plane =
+        element::depth_plane(static_cast<std::int32_t>(x(0)), static_cast<std::int32_t>(y(0)), z(0),
+                             static_cast<std::int32_t>(x(1)), static_cast<std::int32_t>(y(1)), z(1),
+                             static_cast<std::int32_t>(x(2)), static_cast<std::int32_t>(y(2)), z(2),
+                             static_cast<float>(area));
     for (int j = 0; j < kTileSamples; ++j) {
       for (int i = 0; i < kTileSamples; ++i) {
         const std::int64_t px = i * 256 + 128, py = j * 256 + 128;
@@ -75,9 +78,9 @@ std::unique_ptr<TilePlanes> plainly_drawn(const Mesh& mesh, int tile_x, int tile
         float depth = (plane.z0 + static_cast<float>(px - x(0)) * plane.dzdx) +
                       static_cast<float>(py - y(0)) * plane.dzdy;
         depth = std::min(std::max(depth, plane.low), plane.high);
-        const std::uint32_t id = element::sample_id(element::SampleClass::kMesh,
-                                                    5 + static_cast<std::uint32_t>(t) / 128,
-                                                    static_cast<std::uint32_t>(t) % 128);
+        const std::uint32_t id =
+            element::sample_id(element::SampleClass::kMesh, 5 + static_cast<std::uint32_t>(t) / 128,
+                               static_cast<std::uint32_t>(t) % 128);
         const std::size_t at = sample_index(i, j);
         if (depth > planes->depth[at] || (depth == planes->depth[at] && id > planes->id[at])) {
           planes->depth[at] = depth;
@@ -95,8 +98,8 @@ std::unique_ptr<TilePlanes> plainly_drawn(const Mesh& mesh, int tile_x, int tile
       const std::size_t at = sample_index(x, y);
       if (a.id[at] != b.id[at] || std::memcmp(&a.depth[at], &b.depth[at], 4) != 0) {
         return ::testing::AssertionFailure()
-               << "sample " << x << ", " << y << ": id " << a.id[at] << " and " << b.id[at] << ", depth "
-               << a.depth[at] << " and " << b.depth[at];
+               << "sample " << x << ", " << y << ": id " << a.id[at] << " and " << b.id[at]
+               << ", depth " << a.depth[at] << " and " << b.depth[at];
       }
     }
   }
@@ -105,13 +108,16 @@ std::unique_ptr<TilePlanes> plainly_drawn(const Mesh& mesh, int tile_x, int tile
 
 Mesh random_mesh(std::uint32_t seed, int count, int largest_units, int tile_x, int tile_y) {
   std::mt19937 random(seed);
-  const auto within = [&](int low, int high) { return std::uniform_int_distribution<int>(low, high)(random); };
+  const auto within = [&](int low, int high) {
+    return std::uniform_int_distribution<int>(low, high)(random);
+  };
   Mesh mesh;
   for (int t = 0; t < count; ++t) {
     const int cx = tile_x * 256 + within(-4000, 64 * 256 + 4000);
     const int cy = tile_y * 256 + within(-4000, 64 * 256 + 4000);
     for (int k = 0; k < 3; ++k) {
-      mesh.add(cx + within(-largest_units, largest_units), cy + within(-largest_units, largest_units),
+      mesh.add(cx + within(-largest_units, largest_units),
+               cy + within(-largest_units, largest_units),
                static_cast<float>(within(1, 1000)) * 0.001F);
     }
   }
@@ -135,8 +141,10 @@ void for_each_target(const Body& body) {
 TEST(TileTest, CoversTheSamplesOfThePlainestRasterizer) {
   for_each_target([](const char* target) {
     for (const bool double_sided : {false, true}) {
-      for (const int size : {60, 300, 1500, 9000, 40'000, 1'000'000, element::kGuardUnits - 100'000}) {
-        const Mesh mesh = random_mesh(static_cast<std::uint32_t>(size), size > 9000 ? 60 : 400, size, 640, 320);
+      for (const int size :
+           {60, 300, 1500, 9000, 40'000, 1'000'000, element::kGuardUnits - 100'000}) {
+        const Mesh mesh =
+            random_mesh(static_cast<std::uint32_t>(size), size > 9000 ? 60 : 400, size, 640, 320);
         EXPECT_TRUE(same_planes(*drawn(mesh, 640, 320, double_sided),
                                 *plainly_drawn(mesh, 640, 320, double_sided)))
             << target << ", triangles of up to " << size << " sub-units";
@@ -146,12 +154,14 @@ TEST(TileTest, CoversTheSamplesOfThePlainestRasterizer) {
 }
 
 TEST(TileTest, NeighboursShareEachSampleExactlyOnce) {
-  // a fan around a point: every sample inside belongs to one triangle, so ids sum up without overlap
+  // a fan around a point: every sample inside belongs to one triangle, so ids sum up without
+  // overlap
   std::mt19937 random(3);
   for (int round = 0; round < 50; ++round) {
     const auto jitter = [&] { return std::uniform_int_distribution<int>(0, 255)(random); };
     const std::int32_t cx = 32 * 256 + jitter(), cy = 32 * 256 + jitter();
-    const std::int32_t corner[5][2] = {{0, 0}, {64 * 256, 0}, {64 * 256, 64 * 256}, {0, 64 * 256}, {0, 0}};
+    const std::int32_t corner[5][2] = {
+        {0, 0}, {64 * 256, 0}, {64 * 256, 64 * 256}, {0, 64 * 256}, {0, 0}};
     int covered = 0;
     for (int k = 0; k < 4; ++k) {
       Mesh mesh;
@@ -159,8 +169,8 @@ TEST(TileTest, NeighboursShareEachSampleExactlyOnce) {
       mesh.add(corner[k + 1][0], corner[k + 1][1], 0.5F);
       mesh.add(corner[k][0], corner[k][1], 0.5F);
       const auto planes = drawn(mesh, 0, 0);
-      covered += static_cast<int>(
-          std::count_if(std::begin(planes->depth), std::end(planes->depth), [](float z) { return z > 0; }));
+      covered += static_cast<int>(std::count_if(std::begin(planes->depth), std::end(planes->depth),
+                                                [](float z) { return z > 0; }));
     }
     EXPECT_EQ(covered, kTileSamples * kTileSamples);
   }
@@ -211,7 +221,8 @@ TEST(TileTest, ProjectionGivesTheSameBytesOnEveryTarget) {
   std::normal_distribution<float> normal;
   std::vector<BatchVertex> vertices(1003);
   for (BatchVertex& vertex : vertices) {
-    vertex.position_relative = glm::vec3(normal(random), 4.0F + 3.0F * normal(random), normal(random));
+    vertex.position_relative =
+        glm::vec3(normal(random), 4.0F + 3.0F * normal(random), normal(random));
   }
   const Camera camera{.eye_world = {0, 0, 0}, .target_world = {0, 1, 0}};
   const SampleGrid grid{clip_from_relative(camera, {640, 360}), 1280, 720};
@@ -245,9 +256,11 @@ TEST(ClipTest, TriangleBehindTheEyeIsGone) {
   const SampleGrid grid{clip_from_relative(camera, {640, 360}), 1280, 720};
   const auto clip_space = [&](glm::vec3 p) { return to_clip(grid.clip_from_relative, p); };
   SnappedVertex polygon[kMaxClippedCorners];
-  const glm::vec4 behind[3] = {clip_space({0, -1, 0}), clip_space({1, -1, 0}), clip_space({0, -1, 1})};
+  const glm::vec4 behind[3] = {clip_space({0, -1, 0}), clip_space({1, -1, 0}),
+                               clip_space({0, -1, 1})};
   EXPECT_EQ(clip_triangle(grid, behind, polygon), 0);
-  const glm::vec4 crossing[3] = {clip_space({0, 5, 0}), clip_space({1, -5, 0}), clip_space({-1, -5, 0})};
+  const glm::vec4 crossing[3] = {clip_space({0, 5, 0}), clip_space({1, -5, 0}),
+                                 clip_space({-1, -5, 0})};
   EXPECT_GE(clip_triangle(grid, crossing, polygon), 3);
   const glm::vec4 wild[3] = {glm::vec4(NAN), clip_space({1, 5, 0}), clip_space({0, 5, 1})};
   EXPECT_EQ(clip_triangle(grid, wild, polygon), 0);

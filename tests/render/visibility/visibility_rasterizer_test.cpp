@@ -29,8 +29,9 @@ void push_rows(Crowd& crowd, int columns, int rows, float apart) {
   for (int row = 0; row < rows; ++row) {
     for (int column = 0; column < columns; ++column) {
       membership->ids.push_back(static_cast<std::uint64_t>(row * columns + column + 1));
-      frame.position_m.emplace_back((static_cast<float>(column) - 0.5F * static_cast<float>(columns - 1)) * apart,
-                                    static_cast<float>(row) * apart, 0.0F);
+      frame.position_m.emplace_back(
+          (static_cast<float>(column) - 0.5F * static_cast<float>(columns - 1)) * apart,
+          static_cast<float>(row) * apart, 0.0F);
       frame.heading_rad.push_back(0.7F * static_cast<float>(row + column));
     }
   }
@@ -64,7 +65,8 @@ TEST(VisibilityRasterizerTest, NumberOfThreadsDoesNotMatter) {
   const ViewSettings view = looking_north(333, 217);
   const Picture one = rendered(cast, crowd, RasterKind::kVisibility, 1, view);
   for (const unsigned threads : {2U, 7U}) {
-    EXPECT_EQ(one.rgbx, rendered(cast, crowd, RasterKind::kVisibility, threads, view).rgbx) << threads;
+    EXPECT_EQ(one.rgbx, rendered(cast, crowd, RasterKind::kVisibility, threads, view).rgbx)
+        << threads;
   }
 }
 
@@ -85,7 +87,8 @@ TEST(VisibilityRasterizerTest, WhoIsBehindAWallChangesNothing) {
       frame.position_m.emplace_back(x, y, 0.0F);
       frame.heading_rad.push_back(0.0F);
     };
-    for (int i = -20; i <= 20; ++i) add(static_cast<std::uint64_t>(100 + i), 0.1F * static_cast<float>(i), 0.0F);
+    for (int i = -20; i <= 20; ++i)
+      add(static_cast<std::uint64_t>(100 + i), 0.1F * static_cast<float>(i), 0.0F);
     for (int i = 0; crowded && i < 1000; ++i) {
       add(static_cast<std::uint64_t>(1000 + i), 0.02F * static_cast<float>(i % 20 - 10),
           3.0F + 0.05F * static_cast<float>(i / 20));
@@ -107,7 +110,8 @@ TEST(VisibilityRasterizerTest, EverySizeIsDrawn) {
   push_rows(crowd, 5, 5, 1.0F);
   for (const auto& [width, height] : std::vector<std::pair<std::uint32_t, std::uint32_t>>{
            {1, 1}, {31, 33}, {64, 64}, {65, 1}, {1280, 720}, {3840, 2160}}) {
-    const Picture picture = rendered(cast, crowd, RasterKind::kVisibility, 2, looking_north(width, height));
+    const Picture picture =
+        rendered(cast, crowd, RasterKind::kVisibility, 2, looking_north(width, height));
     ASSERT_EQ(picture.rgbx.size(), std::size_t{4} * width * height);
     for (std::size_t i = 3; i < picture.rgbx.size(); i += 4) ASSERT_EQ(picture.rgbx[i], 255);
   }
@@ -117,8 +121,10 @@ TEST(VisibilityRasterizerTest, RefusesWhatCanNotBeDrawn) {
   auto rasterizer = make_rasterizer(RasterKind::kVisibility, 1);
   ASSERT_TRUE(rasterizer.ok());
   Picture picture;
-  EXPECT_EQ((*rasterizer)->draw({}, {}, {0, 5}, {}, {}, picture).code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ((*rasterizer)->draw({}, {}, {5, 16385}, {}, {}, picture).code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ((*rasterizer)->draw({}, {}, {0, 5}, {}, {}, picture).code(),
+            absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ((*rasterizer)->draw({}, {}, {5, 16385}, {}, {}, picture).code(),
+            absl::StatusCode::kInvalidArgument);
   EXPECT_EQ((*rasterizer)->upload(nullptr).code(), absl::StatusCode::kInvalidArgument);
   const std::vector<VisibleInstance> instances(1);
   FrameGeometry geometry;
@@ -136,11 +142,11 @@ TEST(VisibilityRasterizerTest, ShowsWhatGlShows) {
   if (auto gl = make_rasterizer(RasterKind::kGl); !gl.ok()) GTEST_SKIP() << gl.status().message();
   Crowd crowd(cast, {});
   push_rows(crowd, 12, 12, 1.2F);
-  ViewSettings views[4] = {looking_north(640, 360), looking_north(640, 360), looking_north(320, 320),
-                           looking_north(640, 360)};
-  views[1].camera = {.eye_world = {3, 4, 9}, .target_world = {3, 4.1, 0}};                 // from above
+  ViewSettings views[4] = {looking_north(640, 360), looking_north(640, 360),
+                           looking_north(320, 320), looking_north(640, 360)};
+  views[1].camera = {.eye_world = {3, 4, 9}, .target_world = {3, 4.1, 0}};  // from above
   views[2].camera = {.eye_world = {0, 4, 20}, .target_world = {0, 4, 0}, .ortho_height_m = 14.0};
-  views[3].camera = {.eye_world = {0.3, 0.2, 1.0}, .target_world = {2, 8, 1}};             // inside somebody
+  views[3].camera = {.eye_world = {0.3, 0.2, 1.0}, .target_world = {2, 8, 1}};  // inside somebody
   for (const ViewSettings& view : views) {
     const Picture gl = rendered(cast, crowd, RasterKind::kGl, 2, view);
     const Picture visibility = rendered(cast, crowd, RasterKind::kVisibility, 2, view);

@@ -12,7 +12,14 @@
 
 namespace throng::render {
 
-enum class ClipKind : std::uint32_t { kOther = 0, kIdle = 1, kWalk = 2, kRun = 3, kSit = 4, kCheer = 5 };
+enum class ClipKind : std::uint32_t {
+  kOther = 0,
+  kIdle = 1,
+  kWalk = 2,
+  kRun = 3,
+  kSit = 4,
+  kCheer = 5
+};
 
 /// First three rows of an affine 4x4 matrix; multiplies column vectors. 48 bytes.
 struct Affine {
@@ -59,25 +66,25 @@ inline constexpr std::uint8_t kTriangleAlphaCutout = 2;  // texels with alpha un
 /// replaced by following collapse_target until it is below n (Peng 2011, Dong & Peng 2019).
 struct Character {
   std::string name;
-  std::span<const glm::vec3> position;              // [C] bind pose
-  std::span<const glm::i16vec2> normal;             // [C] octahedral snorm16
-  std::span<const glm::u16vec2> uv;                 // [C] unorm16, (0, 0) is the top left
-  std::span<const glm::u8vec4> joint_index;         // [C]
-  std::span<const glm::u8vec4> joint_weight;        // [C] sums to 255, strongest first
-  std::span<const std::uint32_t> collapse_target;   // [C] target[i] < i, target[0] = 0
-  std::span<const glm::uvec3> triangle;             // [T] full-detail corners, in removal order
-  std::span<const std::uint8_t> triangle_flags;     // [T]
-  std::span<const std::uint32_t> triangle_count_at; // [C+1]
-  std::span<const std::uint32_t> legal_count;       // [C+1] largest legal n' <= n, 0 below the coarsest
-  std::span<const float> collapse_error_m;          // [C] error when vertex i has gone; 0 if unknown
-  std::uint32_t coarsest_count = 0;                 // fewest vertices the collapse reached (legal)
-  std::vector<Joint> joints;                        // [J] parents first
+  std::span<const glm::vec3> position;               // [C] bind pose
+  std::span<const glm::i16vec2> normal;              // [C] octahedral snorm16
+  std::span<const glm::u16vec2> uv;                  // [C] unorm16, (0, 0) is the top left
+  std::span<const glm::u8vec4> joint_index;          // [C]
+  std::span<const glm::u8vec4> joint_weight;         // [C] sums to 255, strongest first
+  std::span<const std::uint32_t> collapse_target;    // [C] target[i] < i, target[0] = 0
+  std::span<const glm::uvec3> triangle;              // [T] full-detail corners, in removal order
+  std::span<const std::uint8_t> triangle_flags;      // [T]
+  std::span<const std::uint32_t> triangle_count_at;  // [C+1]
+  std::span<const std::uint32_t> legal_count;  // [C+1] largest legal n' <= n, 0 below the coarsest
+  std::span<const float> collapse_error_m;     // [C] error when vertex i has gone; 0 if unknown
+  std::uint32_t coarsest_count = 0;            // fewest vertices the collapse reached (legal)
+  std::vector<Joint> joints;                   // [J] parents first
   std::vector<Clip> clips;
-  std::span<const Affine> palette;                  // [F][J] T * B^-1 of equation 2, model frame
-  glm::vec4 bounds{0.0F};                           // sphere over all frames of all clips: centre, radius
-  float height_m = 0.0F;                            // top of the bind pose
-  MipImage base_color;                              // sRGB
-  MipImage tint_mask;                               // weights r skin, g hair, b top, a bottom; may be empty
+  std::span<const Affine> palette;  // [F][J] T * B^-1 of equation 2, model frame
+  glm::vec4 bounds{0.0F};           // sphere over all frames of all clips: centre, radius
+  float height_m = 0.0F;            // top of the bind pose
+  MipImage base_color;              // sRGB
+  MipImage tint_mask;               // weights r skin, g hair, b top, a bottom; may be empty
   std::shared_ptr<const void> storage;
 
   std::uint32_t vertex_count() const { return static_cast<std::uint32_t>(position.size()); }
@@ -121,14 +128,15 @@ struct CharacterData {
   std::vector<std::uint8_t> tint_mask;
 };
 
-/// Checks every promise of `Character` (shapes, index ranges, finite numbers, weight sums, nesting).
-/// InvalidArgument names the section, the element, the value and the limit.
+/// Checks every promise of `Character` (shapes, index ranges, finite numbers, weight sums,
+/// nesting). InvalidArgument names the section, the element, the value and the limit.
 absl::Status validate(const Character& character);
 
 /// A Character that owns `data`. InvalidArgument as `validate`.
 absl::StatusOr<Character> make_character(CharacterData data);
 
-/// Writes `NAME.throng` atomically (temporary file, then rename). Unavailable when it can't be written.
+/// Writes `NAME.throng` atomically (temporary file, then rename). Unavailable when it can't be
+/// written.
 absl::Status write_character(const Character& character, const std::string& path);
 
 /// Maps a baked character and checks all of it. NotFound, or InvalidArgument naming file, section,

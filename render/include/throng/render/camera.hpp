@@ -16,7 +16,7 @@ struct Camera {
   double fov_y_rad = 0.785398163397448;  // full vertical angle of the perspective camera
   double ortho_height_m = 0.0;           // > 0: orthographic, this many metres from top to bottom
   double near_m = 0.1;
-  double far_m = 20000.0;                // orthographic only; perspective has no far plane
+  double far_m = 20000.0;  // orthographic only; perspective has no far plane
 };
 
 struct Viewport {

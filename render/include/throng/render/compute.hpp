@@ -60,24 +60,24 @@ struct VisibleInstance {
   float heading_rad;
   std::uint32_t slot;
   std::uint32_t character;
-  std::uint32_t seed;           // tints
+  std::uint32_t seed;  // tints
   float scale;
-  float channel;                // value of the channel shown, NaN: none
-  float radius_m;               // of the bounding sphere
-  std::uint32_t vertex_count;   // n_i
-  std::uint32_t triangle_count; // t_i
+  float channel;                 // value of the channel shown, NaN: none
+  float radius_m;                // of the bounding sphere
+  std::uint32_t vertex_count;    // n_i
+  std::uint32_t triangle_count;  // t_i
 };
 static_assert(sizeof(VisibleInstance) == 48);
 
-/// What a rasterizer draws: the visible instances [V] and, in batched form, one vertex and one index
-/// array for all of them (the single batched buffer). Offsets are exclusive prefix sums in instance
-/// order [V+1]. The spans stay valid until the next call on the view they came from.
+/// What a rasterizer draws: the visible instances [V] and, in batched form, one vertex and one
+/// index array for all of them (the single batched buffer). Offsets are exclusive prefix sums in
+/// instance order [V+1]. The spans stay valid until the next call on the view they came from.
 struct FrameGeometry {
-  std::span<const VisibleInstance> instances;        // [V]
-  std::span<const std::uint32_t> vertex_offset;      // [V+1]
-  std::span<const std::uint32_t> triangle_offset;    // [V+1]
-  std::span<const BatchVertex> vertices;             // [vertex_offset[V]]
-  std::span<const std::uint32_t> indices;            // [3 * triangle_offset[V]], into vertices
+  std::span<const VisibleInstance> instances;      // [V]
+  std::span<const std::uint32_t> vertex_offset;    // [V+1]
+  std::span<const std::uint32_t> triangle_offset;  // [V+1]
+  std::span<const BatchVertex> vertices;           // [vertex_offset[V]]
+  std::span<const std::uint32_t> indices;          // [3 * triangle_offset[V]], into vertices
 };
 
 /// Counters of the last frame of a view.
@@ -125,7 +125,8 @@ class ComputeBackend {
 
   /// LOD selection: splits the vertex budget over the visible instances.
   ///
-  ///     n_i = clamp(floor(N * w_i^(1/a) / sum_j w_j^(1/a)), n_min, C_i)   (Dong & Peng 2019, eq. 1)
+  ///     n_i = clamp(floor(N * w_i^(1/a) / sum_j w_j^(1/a)), n_min, C_i)   (Dong & Peng 2019, eq.
+  ///     1)
   ///
   /// snapped down to a legal count. kBudget deals out again what full instances leave (at most 4
   /// rounds) and never exceeds max(N, sum of n_min); kDong2019 stops after the first pass.
@@ -147,6 +148,7 @@ class ComputeBackend {
 
 /// Unavailable when the kind was not built or this machine has no such device.
 /// @param threads  of the processor's backend; 0: one for each core.
-absl::StatusOr<std::unique_ptr<ComputeBackend>> make_backend(BackendKind kind, unsigned threads = 0);
+absl::StatusOr<std::unique_ptr<ComputeBackend>> make_backend(BackendKind kind,
+                                                             unsigned threads = 0);
 
 }  // namespace throng::render

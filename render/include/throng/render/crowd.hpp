@@ -19,24 +19,24 @@ namespace throng::render {
 
 /// Who is in a frame: column i of every frame with this membership belongs to ids[i].
 struct Membership {
-  std::uint64_t epoch = 0;                // the producer's number for it
-  std::vector<std::uint64_t> ids;         // unique
-  std::vector<std::string> names;         // empty, or by column (string ids)
-  std::vector<std::int32_t> characters;   // empty, or cast member by column; -1: chosen by id
+  std::uint64_t epoch = 0;               // the producer's number for it
+  std::vector<std::uint64_t> ids;        // unique
+  std::vector<std::string> names;        // empty, or by column (string ids)
+  std::vector<std::int32_t> characters;  // empty, or cast member by column; -1: chosen by id
 };
 
 /// One sample of all agents, as a producer sends it. Columns are by membership [A].
 struct AgentFrame {
-  std::int64_t time_us = 0;                        // scene time
+  std::int64_t time_us = 0;  // scene time
   std::shared_ptr<const Membership> membership;
-  std::vector<glm::vec3> position_m;               // [A] offset from the crowd's origin
-  std::vector<float> heading_rad;                  // [A] or empty; NaN: unknown, derived from motion
-  std::vector<std::vector<float>> channels;        // [channel][A], as CrowdSettings::channel_names
+  std::vector<glm::vec3> position_m;         // [A] offset from the crowd's origin
+  std::vector<float> heading_rad;            // [A] or empty; NaN: unknown, derived from motion
+  std::vector<std::vector<float>> channels;  // [channel][A], as CrowdSettings::channel_names
 };
 
 struct CrowdSettings {
-  glm::dvec3 origin_world{0.0};            // agents are float32 offsets from it
-  std::uint64_t seed = 0;                  // with the id, decides character, tint and size
+  glm::dvec3 origin_world{0.0};  // agents are float32 offsets from it
+  std::uint64_t seed = 0;        // with the id, decides character, tint and size
   std::vector<std::string> channel_names;
   std::size_t history_limit_bytes = 256u << 20;  // oldest snapshots are dropped beyond it
   std::int64_t extrapolate_limit_us = 500'000;   // a gap is extrapolated this long, then held
@@ -51,19 +51,20 @@ struct Roster {
   std::vector<std::uint32_t> seed;       // hash of id and crowd seed: tints, phases, thresholds
 };
 
-/// The crowd at one moment. Immutable; columns are by slot [I]. What is derived from motion (heading,
-/// speed, walked cycles) is computed once, here, so a pose is a function of (snapshots, time, id).
+/// The crowd at one moment. Immutable; columns are by slot [I]. What is derived from motion
+/// (heading, speed, walked cycles) is computed once, here, so a pose is a function of (snapshots,
+/// time, id).
 struct Snapshot {
   std::int64_t time_us = 0;
   std::shared_ptr<const Roster> roster;
-  std::vector<std::uint8_t> present;        // 0: the slot is empty
-  std::vector<glm::vec3> position_m;        // offset from the crowd's origin
-  std::vector<glm::vec3> velocity_mps;      // smoothed; how an agent goes on where samples end
-  std::vector<float> heading_rad;           // counter-clockwise from +X; NaN: not known yet
-  std::vector<float> speed_mps;             // smoothed, decides between idle, walk and run
-  std::vector<double> walked_cycles;        // sum of step / stride: the phase of walk and run
-  std::vector<std::vector<float>> channels; // [channel][I]
-  glm::vec3 low_m{0.0F}, high_m{0.0F};      // box of the present agents
+  std::vector<std::uint8_t> present;         // 0: the slot is empty
+  std::vector<glm::vec3> position_m;         // offset from the crowd's origin
+  std::vector<glm::vec3> velocity_mps;       // smoothed; how an agent goes on where samples end
+  std::vector<float> heading_rad;            // counter-clockwise from +X; NaN: not known yet
+  std::vector<float> speed_mps;              // smoothed, decides between idle, walk and run
+  std::vector<double> walked_cycles;         // sum of step / stride: the phase of walk and run
+  std::vector<std::vector<float>> channels;  // [channel][I]
+  glm::vec3 low_m{0.0F}, high_m{0.0F};       // box of the present agents
   std::uint32_t present_count = 0;
 };
 

@@ -29,12 +29,12 @@ struct Picture {
 struct Look {
   glm::vec3 sun_direction_world{0.45F, -0.55F, 0.70F};  // towards the sun, need not be unit length
   glm::vec3 sun_color{2.60F, 2.40F, 2.05F};
-  glm::vec3 sky_color{0.45F, 0.60F, 0.92F};    // light from above, and the background's zenith
-  glm::vec3 ground_light{0.26F, 0.24F, 0.21F}; // light from below
+  glm::vec3 sky_color{0.45F, 0.60F, 0.92F};     // light from above, and the background's zenith
+  glm::vec3 ground_light{0.26F, 0.24F, 0.21F};  // light from below
   glm::vec3 horizon_color{0.84F, 0.92F, 1.00F};
   glm::vec3 ground_color{0.245F, 0.240F, 0.230F};
-  bool ground = true;          // plane z = 0 (of the crowd's origin) with a metre grid
-  bool shadows = true;         // contact shadows
+  bool ground = true;   // plane z = 0 (of the crowd's origin) with a metre grid
+  bool shadows = true;  // contact shadows
   float channel_low = 0.0F, channel_high = 1.0F;  // range of the channel's colours (viridis)
   bool color_by_channel = false;
 };

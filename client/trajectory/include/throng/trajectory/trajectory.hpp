@@ -15,10 +15,10 @@ namespace throng::trajectory {
 
 /// How a file is to be read where it does not say so itself.
 struct ReadOptions {
-  std::optional<double> source_fps;        // frames per second; contradicting the file is an error
-  std::optional<double> source_unit_m;     // metres per unit of length (1 or 0.01); likewise
-  bool ground_z = false;                   // false: z is head height (archive) and is ignored
-  std::string format;                      // empty: told by content; else a name of `format_names()`
+  std::optional<double> source_fps;     // frames per second; contradicting the file is an error
+  std::optional<double> source_unit_m;  // metres per unit of length (1 or 0.01); likewise
+  bool ground_z = false;                // false: z is head height (archive) and is ignored
+  std::string format;                   // empty: told by content; else a name of `format_names()`
   // Rows held in memory while a file is sorted by time; more go to a temporary file in $TMPDIR,
   // else /var/tmp. Formats that are in order of time need one frame only.
   std::size_t memory_bytes = 128u << 20;
@@ -26,21 +26,22 @@ struct ReadOptions {
 
 /// What is known of a file before its frames are read.
 struct Info {
-  std::string format;              // "jupedsim-sqlite", "archive-text", "csv", ...
-  double fps = 0.0;                // nominal rate; 0 when times are irregular
-  std::string walkable_area_wkt;   // empty if the file has none
+  std::string format;                      // "jupedsim-sqlite", "archive-text", "csv", ...
+  double fps = 0.0;                        // nominal rate; 0 when times are irregular
+  std::string walkable_area_wkt;           // empty if the file has none
   std::vector<std::string> channel_names;  // extra columns that become colour channels
-  std::vector<std::string> notes;  // what was ignored or assumed, for the user
+  std::vector<std::string> notes;          // what was ignored or assumed, for the user
 };
 
 /// One sample of the crowd. Columns have one entry per agent; an absent agent has left.
-/// World frame: right-handed, +Z up, metres; heading in radians counter-clockwise from +X, NaN = unknown.
+/// World frame: right-handed, +Z up, metres; heading in radians counter-clockwise from +X, NaN =
+/// unknown.
 struct Frame {
-  std::int64_t time_us = 0;                     // since the first frame, strictly increasing
-  std::vector<std::uint64_t> ids;               // unique within the frame
-  std::vector<double> x_m, y_m, z_m;            // z_m is empty when everybody stands on z = 0
-  std::vector<float> heading_rad;               // empty when the file has none
-  std::vector<std::vector<float>> channels;     // [channel][agent], as Info::channel_names
+  std::int64_t time_us = 0;                  // since the first frame, strictly increasing
+  std::vector<std::uint64_t> ids;            // unique within the frame
+  std::vector<double> x_m, y_m, z_m;         // z_m is empty when everybody stands on z = 0
+  std::vector<float> heading_rad;            // empty when the file has none
+  std::vector<std::vector<float>> channels;  // [channel][agent], as Info::channel_names
 };
 
 /// Frames of a trajectory file in order of time.
@@ -58,22 +59,24 @@ class Reader {
   virtual std::string agent_name(std::uint64_t id) const { return {}; }
 };
 
-/// Opens a file, telling its format by content. NotFound; InvalidArgument with file, line and remedy.
-absl::StatusOr<std::unique_ptr<Reader>> open(const std::string& path, const ReadOptions& options = {});
+/// Opens a file, telling its format by content. NotFound; InvalidArgument with file, line and
+/// remedy.
+absl::StatusOr<std::unique_ptr<Reader>> open(const std::string& path,
+                                             const ReadOptions& options = {});
 
 /// What `throng info FILE` says of a file.
 struct Summary {
-  Info info;                        // with the notes of the whole file
-  std::uint64_t agents = 0;         // distinct ids
+  Info info;                 // with the notes of the whole file
+  std::uint64_t agents = 0;  // distinct ids
   std::uint64_t most_at_once = 0;
-  std::uint64_t frames = 0;         // that the file has, with or without anybody
+  std::uint64_t frames = 0;           // that the file has, with or without anybody
   std::uint64_t frames_inserted = 0;  // see Reader::frames_inserted
-  double duration_s = 0.0;          // last frame minus first
-  bool has_positions = false;       // the extent holds something
+  double duration_s = 0.0;            // last frame minus first
+  bool has_positions = false;         // the extent holds something
   double min_x_m = 0.0, max_x_m = 0.0, min_y_m = 0.0, max_y_m = 0.0, min_z_m = 0.0, max_z_m = 0.0;
   bool has_z = false;
-  bool has_heading = false;         // at least one known heading
-  std::uint64_t largest_id = 0;     // above 2^53 where ids are names
+  bool has_heading = false;      // at least one known heading
+  std::uint64_t largest_id = 0;  // above 2^53 where ids are names
 };
 
 /// Reads a whole file, in bounded memory but for one id per agent. Errors as of `open` and `next`.
