@@ -11,29 +11,24 @@ namespace {
 
 constexpr std::uint32_t kWidth = 23, kHeight = 17;
 
-struct Pixels {
-  std::vector<std::uint8_t> rgbx;
-  Picture picture() const { return {rgbx, kWidth, kHeight}; }
-};
-
-Pixels grey(std::uint8_t value) {
-  return {std::vector<std::uint8_t>(std::size_t{kWidth} * kHeight * 4, value)};
+Picture grey(std::uint8_t value) {
+  return {kWidth, kHeight, std::vector<std::uint8_t>(std::size_t{kWidth} * kHeight * 4, value)};
 }
 
-Pixels noise(unsigned seed) {
+Picture noise(unsigned seed) {
   std::mt19937 random(seed);
-  Pixels pixels = grey(0);
-  for (auto& byte : pixels.rgbx) byte = static_cast<std::uint8_t>(random());
-  return pixels;
+  Picture picture = grey(0);
+  for (auto& byte : picture.rgbx) byte = static_cast<std::uint8_t>(random());
+  return picture;
 }
 
-double luma(const Pixels& pixels, int x, int y) {
-  const std::uint8_t* p = &pixels.rgbx[4 * (static_cast<std::size_t>(y) * kWidth + x)];
+double luma(const Picture& picture, int x, int y) {
+  const std::uint8_t* p = &picture.rgbx[4 * (static_cast<std::size_t>(y) * kWidth + x)];
   return 0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2];
 }
 
 /// The definition, written as one double sum over the window.
-double ssim_at(const Pixels& a, const Pixels& b, int x, int y) {
+double ssim_at(const Picture& a, const Picture& b, int x, int y) {
   double w = 0, ma = 0, mb = 0, maa = 0, mbb = 0, mab = 0;
   for (int dy = -5; dy <= 5; ++dy)
     for (int dx = -5; dx <= 5; ++dx) {
@@ -50,8 +45,8 @@ double ssim_at(const Pixels& a, const Pixels& b, int x, int y) {
 }
 
 TEST(ComparePicturesTest, EqualPicturesHaveNoError) {
-  const Pixels a = noise(1);
-  const auto error = compare_pictures(a.picture(), a.picture());
+  const Picture a = noise(1);
+  const auto error = compare_pictures(a, a);
   ASSERT_TRUE(error.ok()) << error.status();
   EXPECT_TRUE(std::isinf(error->psnr_db));
   EXPECT_NEAR(error->ssim, 1, 1e-6);
@@ -59,7 +54,7 @@ TEST(ComparePicturesTest, EqualPicturesHaveNoError) {
 }
 
 TEST(ComparePicturesTest, FlatPicturesDifferByTheirMeansAlone) {
-  const auto error = compare_pictures(grey(100).picture(), grey(110).picture());
+  const auto error = compare_pictures(grey(100), grey(110));
   ASSERT_TRUE(error.ok());
   const double c1 = 2.55 * 2.55;
   EXPECT_NEAR(error->psnr_db, 10 * std::log10(255.0 * 255.0 / 100), 1e-9);
@@ -67,50 +62,47 @@ TEST(ComparePicturesTest, FlatPicturesDifferByTheirMeansAlone) {
 }
 
 TEST(ComparePicturesTest, EveryPixelEqualsTheDefinition) {
-  const Pixels a = noise(2), b = noise(3);
+  const Picture a = noise(2), b = noise(3);
   for (const auto& [x, y] : {std::pair{0, 0}, {11, 8}, {22, 16}, {3, 12}}) {
     std::vector<std::uint8_t> mask(kWidth * kHeight);
     mask[y * kWidth + x] = 1;
-    const auto error = compare_pictures(a.picture(), b.picture(), mask);
+    const auto error = compare_pictures(a, b, mask);
     ASSERT_TRUE(error.ok());
     EXPECT_EQ(error->pixels, 1u);
     EXPECT_NEAR(error->ssim, ssim_at(a, b, x, y), 1e-3) << x << ' ' << y;
   }
 }
 
-TEST(ComparePicturesTest, PixelsOutsideTheMaskDoNotCount) {
-  Pixels a = grey(50);
-  const Pixels b = grey(50);
+TEST(ComparePicturesTest, PictureOutsideTheMaskDoNotCount) {
+  Picture a = grey(50);
+  const Picture b = grey(50);
   a.rgbx[4 * 5] = 255;
   std::vector<std::uint8_t> mask(kWidth * kHeight);
   mask[kWidth * 16 + 22] = 1;
-  const auto error = compare_pictures(a.picture(), b.picture(), mask);
+  const auto error = compare_pictures(a, b, mask);
   ASSERT_TRUE(error.ok());
   EXPECT_TRUE(std::isinf(error->psnr_db));
 }
 
 TEST(ComparePicturesTest, RejectsWrongSizesByName) {
-  const Pixels a = grey(1);
-  Picture small = a.picture();
+  const Picture a = grey(1);
+  Picture small = a;
   small.height_px -= 1;
-  EXPECT_THAT(std::string(compare_pictures(a.picture(), small).status().message()),
+  EXPECT_THAT(std::string(compare_pictures(a, small).status().message()),
               testing::HasSubstr("23x17 and 23x16"));
   EXPECT_FALSE(compare_pictures(small, small).ok());
-  EXPECT_FALSE(compare_pictures(a.picture(), a.picture(), std::vector<std::uint8_t>(3)).ok());
+  EXPECT_FALSE(compare_pictures(a, a, std::vector<std::uint8_t>(3)).ok());
 }
 
 TEST(FlickerTest, IsTheChangeOverTheReferencesChange) {
-  const auto rate =
-      flicker(grey(10).picture(), grey(30).picture(), grey(10).picture(), grey(20).picture());
+  const auto rate = flicker(grey(10), grey(30), grey(10), grey(20));
   ASSERT_TRUE(rate.ok());
   EXPECT_DOUBLE_EQ(*rate, 2);
-  EXPECT_EQ(*flicker(grey(1).picture(), grey(1).picture(), grey(2).picture(), grey(2).picture()),
-            1);
-  EXPECT_TRUE(std::isinf(
-      *flicker(grey(1).picture(), grey(2).picture(), grey(2).picture(), grey(2).picture())));
+  EXPECT_EQ(*flicker(grey(1), grey(1), grey(2), grey(2)), 1);
+  EXPECT_TRUE(std::isinf(*flicker(grey(1), grey(2), grey(2), grey(2))));
 }
 
-TEST(PixelsNearTest, IsADiscAroundEveryCoveredPixel) {
+TEST(PictureNearTest, IsADiscAroundEveryCoveredPixel) {
   std::vector<std::uint8_t> one(kWidth * kHeight), two(kWidth * kHeight);
   one[8 * kWidth + 4] = 1;
   two[0] = 7;

@@ -6,13 +6,9 @@
 #include <span>
 #include <vector>
 
-namespace throng::render {
+#include "throng/render/picture.hpp"
 
-/// A picture as the rasterizers give it: rows from the top, 4 bytes a pixel (r g b x), sRGB.
-struct Picture {
-  std::span<const std::uint8_t> rgbx;  ///< [height_px * width_px * 4]
-  std::uint32_t width_px = 0, height_px = 0;
-};
+namespace throng::render {
 
 /// How far a picture is from its reference, over the pixels that were asked for.
 struct PictureError {

@@ -12,18 +12,12 @@
 #include "throng/render/asset.hpp"
 #include "throng/render/camera.hpp"
 #include "throng/render/compute.hpp"
+#include "throng/render/picture.hpp"
 
 namespace throng::render {
 
 /// kAuto: gl where EGL offers a GPU, else visibility; `RasterInfo::detail` says why.
 enum class RasterKind { kAuto, kGl, kVisibility };
-
-/// 8-bit sRGB picture, rows from the top, 4 bytes a pixel (r g b and 255).
-struct Picture {
-  std::uint32_t width_px = 0;
-  std::uint32_t height_px = 0;
-  std::vector<std::uint8_t> rgbx;  // [height][width][4]
-};
 
 /// What a scene looks like beside its agents. Colours are linear.
 struct Look {
