@@ -139,17 +139,19 @@ absl::StatusOr<NumberedPath> NumberedPath::parse(const std::string& pattern) {
       ++i;
     }
   }
-  if (begin == std::string::npos || !once) {
+  if (!once) {
     return absl::InvalidArgumentError(
-        absl::StrCat("-o: '", pattern, "' must have exactly one place for the frame number, ",
-                     "such as out/####.png, out/%04d.png or out/$F4.png"));
+        absl::StrCat("-o: '", pattern, "' has more than one place for the frame number"));
   }
+  path.numbered_ = begin != std::string::npos;
+  if (!path.numbered_) begin = end = pattern.size();
   path.before_ = pattern.substr(0, begin);
   path.after_ = pattern.substr(end);
   return path;
 }
 
 std::string NumberedPath::at(std::uint32_t number) const {
+  if (!numbered_) return before_;
   std::string digits = std::to_string(number);
   if (digits.size() < digits_) digits.insert(0, digits_ - digits.size(), '0');
   return before_ + digits + after_;

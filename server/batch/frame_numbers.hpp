@@ -28,16 +28,18 @@ struct Shard {
 /// JOB_COMPLETION_INDEX with JOB_COMPLETION_COUNT, else the whole.
 absl::StatusOr<Shard> parse_shard(const std::string& text);
 
-/// A file name with a place for the number: a run of `#`, `%0Nd` or `$FN`.
-/// InvalidArgument: no such place, or more than one.
+/// A file name with a place for the number: a run of `#`, `%0Nd` or `$FN`; or the name of one
+/// picture, without a place. InvalidArgument: more than one place.
 class NumberedPath {
  public:
   static absl::StatusOr<NumberedPath> parse(const std::string& pattern);
+  bool numbered() const { return numbered_; }
   std::string at(std::uint32_t number) const;
 
  private:
   std::string before_, after_;
   std::size_t digits_ = 1;
+  bool numbered_ = false;
 };
 
 }  // namespace throng::server

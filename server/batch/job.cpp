@@ -262,6 +262,12 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
       std::min(1e8, std::floor(static_cast<double>(span->last_us) * 1e-6 * job.fps + 1e-6) + 1));
   absl::StatusOr<std::vector<std::uint32_t>> numbers = parse_frame_numbers(job.frames, last);
   if (!numbers.ok()) return failure(ExitCode::kUsage, std::string(numbers.status().message()));
+  if (pattern && !pattern->numbered() && (numbers->size() != 1 || job.shard.count > 1)) {
+    return failure(ExitCode::kUsage,
+                   absl::StrCat("-o: '", job.output, "' names one picture and ", numbers->size(),
+                                " are to be rendered: add a place for the frame number, such as ",
+                                "out/####.png, out/%04d.png or out/$F4.png, or --frames 1"));
+  }
   if (numbers->empty()) {
     return failure(ExitCode::kUsage,
                    absl::StrCat("--frames: '", job.frames, "' is beyond the last ", "picture, ",

@@ -84,7 +84,8 @@ int main(int argc, char** argv) {
   app.add_option("trajectory", job.trajectory,
                  "Trajectory file (JuPedSim sqlite, archive text, CSV ...)")
       ->type_name("FILE");
-  app.add_option("-o,--output", job.output, "out/####.png, out/%04d.jpg, out/$F4.png or one .mp4")
+  app.add_option("-o,--output", job.output,
+                 "out/####.png, out/%04d.jpg, out/$F4.png; one.png; or one .mp4")
       ->required()
       ->type_name("PATH");
   app.add_option("--cast", job.cast, "Folder of baked characters (default: the built-in cast)")

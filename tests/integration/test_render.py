@@ -79,11 +79,17 @@ def test_camera_file_moves_the_view(program, csv, tmp_path):
     assert not set(digests(tmp_path / "cam").values()) & set(digests(tmp_path / "ove").values())
 
 
+def test_one_picture_needs_no_number(program, tmp_path):
+    assert program("throng-render", "--synthetic", 5, "-o", "one.png", "--frames", 3, *SMALL).returncode == 0
+    assert [path.name for path in tmp_path.glob("*.png")] == ["one.png"]
+
+
 @pytest.mark.parametrize(
     "arguments, code, words",
     [
         (("-o", "out/#.png"), 2, "either a trajectory file or --synthetic"),
-        (("--synthetic", 5, "-o", "out.png"), 2, "exactly one place"),
+        (("--synthetic", 5, "-o", "out.png"), 2, "names one picture"),
+        (("--synthetic", 5, "-o", "#_#.png"), 2, "more than one place"),
         (("--synthetic", 5, "-o", "out/#.gif"), 2, ".png, .jpg or .mp4"),
         (("--synthetic", 5, "-o", "#.png", "--size", "0x5"), 2, "--size"),
         (("--synthetic", 5, "-o", "#.png", "--size", "nanxnan"), 2, "--size"),

@@ -94,8 +94,14 @@ TEST(NumberedPathTest, EveryStyleOfPlaceholder) {
   EXPECT_EQ(NumberedPath::parse("x.##.png")->at(12345), "x.12345.png");
 }
 
-TEST(NumberedPathTest, NoPlaceOrTwoPlacesIsAnError) {
-  for (const char* pattern : {"out.png", "##_##.png", "a%dz#.png", "a%s.png", "a%", ""}) {
+TEST(NumberedPathTest, NoPlaceNamesOnePicture) {
+  EXPECT_FALSE(NumberedPath::parse("out.png")->numbered());
+  EXPECT_EQ(NumberedPath::parse("out.png")->at(7), "out.png");
+  EXPECT_TRUE(NumberedPath::parse("#.png")->numbered());
+}
+
+TEST(NumberedPathTest, TwoPlacesOrAnUnknownOneIsAnError) {
+  for (const char* pattern : {"##_##.png", "a%dz#.png", "a%s.png", "a%"}) {
     EXPECT_FALSE(NumberedPath::parse(pattern).ok()) << pattern;
   }
 }
