@@ -2,6 +2,7 @@
 
 #include <array>
 #include <chrono>
+#include <ctime>
 #include <utility>
 
 #include "throng/render/frame.hpp"
@@ -12,14 +13,30 @@ namespace {
 /// Adds the time since the last call (or construction) to one stage.
 class StageClock {
  public:
-  void stop(double& stage_ms) {
+  StageClock(FrameStats& stats, bool cpu)
+      : stats_(stats), cpu_(cpu), last_cpu_ms_(cpu ? cpu_ms() : 0.0) {}
+
+  void stop(double StageTimes::*stage) {
     const auto now = std::chrono::steady_clock::now();
-    stage_ms += std::chrono::duration<double, std::milli>(now - last_).count();
+    stats_.times.*stage += std::chrono::duration<double, std::milli>(now - last_).count();
     last_ = now;
+    if (!cpu_) return;
+    const double now_cpu_ms = cpu_ms();
+    stats_.cpu_times.*stage += now_cpu_ms - last_cpu_ms_;
+    last_cpu_ms_ = now_cpu_ms;
   }
 
  private:
+  static double cpu_ms() {
+    timespec time{};
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+    return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
+  }
+
+  FrameStats& stats_;
+  bool cpu_;
   std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+  double last_cpu_ms_;
 };
 
 }  // namespace
@@ -30,6 +47,7 @@ struct FramePipeline::State {
   std::unique_ptr<Rasterizer> rasterizer;
   std::unique_ptr<ViewWork> view;
   std::string backend_name;
+  bool measure_cpu_times = false;
 
   // What was uploaded last. Views that look at one crowd ask for the same two snapshots, and the
   // newer one of this frame is the older one of the next, so a few entries are enough; the snapshot
@@ -95,6 +113,7 @@ absl::StatusOr<std::unique_ptr<FramePipeline>> FramePipeline::make(
   std::unique_ptr<FramePipeline> pipeline(new FramePipeline());
   State& state = *pipeline->state_;
   state.cast = cast;
+  state.measure_cpu_times = options.measure_cpu_times;
   auto backend = make_backend(options.backend, options.threads);
   if (!backend.ok()) return backend.status();
   state.backend = *std::move(backend);
@@ -116,27 +135,27 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
   State& state = *state_;
   stats = {};
   stats.scene_time_us = scene_time_us;
-  StageClock clock;
+  StageClock clock(stats, state.measure_cpu_times);
 
   auto instances = state.instances_at(crowd, scene_time_us, settings.channel);
   if (!instances.ok()) return instances.status();
-  clock.stop(stats.times.advance_ms);
+  clock.stop(&StageTimes::advance_ms);
 
   FrameGeometry geometry;
   if (*instances != nullptr) {
     ViewWork& view = *state.view;
     absl::Status status = state.backend->cull(view, *instances, settings.camera, settings.viewport);
     if (!status.ok()) return status;
-    clock.stop(stats.times.cull_ms);
+    clock.stop(&StageTimes::cull_ms);
     status = state.backend->select(view, settings.selection);
     if (!status.ok()) return status;
-    clock.stop(stats.times.select_ms);
+    clock.stop(&StageTimes::select_ms);
     status = state.backend->allocate(view);
     if (!status.ok()) return status;
-    clock.stop(stats.times.allocate_ms);
+    clock.stop(&StageTimes::allocate_ms);
     status = state.backend->generate(view);
     if (!status.ok()) return status;
-    clock.stop(stats.times.generate_ms);
+    clock.stop(&StageTimes::generate_ms);
     geometry = state.backend->geometry(view);
     stats.counters = state.backend->counters(view);
     stats.counters.agents = (*instances)->present;
@@ -144,7 +163,7 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
   absl::Status status =
       state.rasterizer->draw(geometry, settings.camera, settings.viewport,
                              crowd.settings().origin_world, settings.look, picture);
-  clock.stop(stats.times.raster_ms);
+  clock.stop(&StageTimes::raster_ms);
   return status;
 }
 

@@ -21,6 +21,7 @@ struct StageTimes {
 
 struct FrameStats {
   StageTimes times;
+  StageTimes cpu_times;  // of all threads of the process; see FramePipelineOptions
   ComputeCounters counters;
   std::int64_t scene_time_us = 0;
 };
@@ -37,6 +38,7 @@ struct FramePipelineOptions {
   BackendKind backend = BackendKind::kCpu;
   RasterKind raster = RasterKind::kAuto;
   unsigned threads = 0;
+  bool measure_cpu_times = false;  // of use where nothing else runs in the process
 };
 
 /// The stages of a frame in order, for one view of one crowd at one time:

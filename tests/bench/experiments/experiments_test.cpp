@@ -1,0 +1,160 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "bench/experiments/numbers.hpp"
+#include "bench/experiments/table.hpp"
+#include "bench/experiments/walkthrough.hpp"
+#include "support/temporary_folder.hpp"
+#include "throng/render/compute.hpp"
+
+namespace throng::bench {
+namespace {
+
+using ::testing::DoubleNear;
+using ::testing::HasSubstr;
+
+const std::string kCast = std::string(THRONG_BINARY_DIR) + "/cast";
+const std::string kProgram = std::string(THRONG_BINARY_DIR) + "/bin/throng-bench";
+
+bool is_there(const std::string& path) { return std::filesystem::exists(path); }
+
+TEST(NumbersTest, LineThroughPointsOfALineIsThatLine) {
+  const Line line = fit_line({1, 5, 10, 20}, {18, 26, 36, 56});
+  EXPECT_THAT(line.a, DoubleNear(16.0, 1e-9));
+  EXPECT_THAT(line.b, DoubleNear(2.0, 1e-9));
+}
+
+TEST(NumbersTest, LineThroughOnePointIsLevel) {
+  const Line line = fit_line({3}, {7});
+  EXPECT_EQ(line.a, 7.0);
+  EXPECT_EQ(line.b, 0.0);
+}
+
+TEST(NumbersTest, MedianOfEvenCountIsBetweenTheTwoInTheMiddle) {
+  EXPECT_EQ(median({4, 1, 3, 2}), 2.5);
+  EXPECT_EQ(median({3, 1, 2}), 2.0);
+}
+
+TEST(TableTest, CountsHaveThousandsApart) {
+  EXPECT_EQ(grouped(29967), "29,967");
+  EXPECT_EQ(grouped(999), "999");
+  EXPECT_EQ(grouped(1000), "1,000");
+}
+
+// The published counts of visible instances over the walkthrough, by culling alone.
+TEST(WalkthroughTest, VisibleCountsAreWithinATenthOfThePublishedOnes) {
+  auto cast = render::read_cast(kCast);
+  if (!cast.ok()) GTEST_SKIP() << "no built-in cast in the build folder";
+  const auto shared = std::make_shared<const render::Cast>(*std::move(cast));
+  auto walkthrough = Walkthrough::make(shared, Walkthrough::kAgents);
+  ASSERT_TRUE(walkthrough.ok()) << walkthrough.status();
+  auto backend = render::make_backend(render::BackendKind::kCpu);
+  ASSERT_TRUE(backend.ok());
+  ASSERT_TRUE((*backend)->upload(shared).ok());
+  auto view = (*backend)->make_view();
+  ASSERT_TRUE(view.ok());
+  Range visible;
+  constexpr std::uint32_t kEvery = 10;  // of the 1,000 frames
+  for (std::uint32_t frame = 0; frame < Walkthrough::kFrames; frame += kEvery) {
+    ASSERT_TRUE(walkthrough->advance_to(frame).ok());
+    const std::int64_t time_us = Walkthrough::time_us(frame);
+    const render::Bracket bracket = walkthrough->crowd().bracket(time_us);
+    ASSERT_NE(bracket.older, nullptr);
+    EXPECT_LE(bracket.older->time_us, time_us);
+    EXPECT_GT(bracket.newer->time_us, time_us);
+    auto older = (*backend)->upload(bracket.older);
+    auto newer = (*backend)->upload(bracket.newer);
+    ASSERT_TRUE(older.ok() && newer.ok());
+    auto instances =
+        (*backend)->advance(**older, **newer, time_us, walkthrough->crowd().settings(), -1);
+    ASSERT_TRUE(instances.ok());
+    ASSERT_TRUE((*backend)->cull(**view, *instances, walkthrough->camera(frame), {1280, 720}).ok());
+    visible.add((*backend)->counters(**view).visible);
+  }
+  std::printf("visible: min %.0f, avg %.0f, max %.0f\n", visible.min, visible.mean(), visible.max);
+  EXPECT_THAT(visible.min, DoubleNear(5038, 504));
+  EXPECT_THAT(visible.mean(), DoubleNear(15771, 1577));
+  EXPECT_THAT(visible.max, DoubleNear(29967, 2997));
+}
+
+TEST(WalkthroughTest, SmallerCrowdIsSeenFromNearer) {
+  render::Camera camera;
+  camera.eye_world = {-200, 100, 41.7};
+  camera.target_world = {0, 0, 1.0};
+  const render::Camera nearer = scale_camera(camera, Walkthrough::kAgents / 4);
+  EXPECT_EQ(nearer.eye_world, glm::dvec3(-100, 50, 21.7));
+  EXPECT_EQ(nearer.target_world, glm::dvec3(0, 0, 1.0));  // nobody looks into the ground
+}
+
+TEST(WalkthroughTest, CameraFileThatIsNotThereIsNotFound) {
+  const auto walkthrough = Walkthrough::make(nullptr, 10, "no/such.json");
+  EXPECT_TRUE(absl::IsNotFound(walkthrough.status()));
+}
+
+/// Runs the program; its exit code, and what it wrote to both streams.
+struct Ran {
+  int code = -1;
+  std::string output;
+};
+Ran run(const std::string& arguments) {
+  Ran ran;
+  FILE* pipe = popen((kProgram + " " + arguments + " 2>&1").c_str(), "r");
+  if (pipe == nullptr) return ran;
+  char buffer[4096];
+  while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) ran.output += buffer;
+  const int status = pclose(pipe);
+  ran.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  return ran;
+}
+
+TEST(ProgramTest, RefusesBadFlagsByName) {
+  if (!is_there(kProgram)) GTEST_SKIP() << "throng-bench is not built";
+  for (const char* bad : {"--frames 0", "--size 10", "--size 0x5", "--raster soft", "--budgets x",
+                          "--agents -3", "--lod none", "--no-such-flag"}) {
+    const Ran ran = run(std::string("paper ") + bad);
+    EXPECT_EQ(ran.code, 2) << bad << ": " << ran.output;
+    EXPECT_THAT(ran.output, HasSubstr(std::string(bad).substr(0, std::string(bad).find(' '))));
+  }
+  EXPECT_EQ(run("").code, 2);
+  EXPECT_EQ(run("--help").code, 0);
+}
+
+TEST(ProgramTest, PaperWritesEveryColumn) {
+  if (!is_there(kProgram) || !is_there(kCast + "/cast.json")) {
+    GTEST_SKIP() << "throng-bench or the built-in cast is not built";
+  }
+  const test::TemporaryFolder folder;
+  const std::string file = folder.file("paper.json");
+  const Ran ran = run("paper --frames 2 --agents 500 --budgets 0.05 --size 320x180 --json " + file);
+  ASSERT_EQ(ran.code, 0) << ran.output;
+  EXPECT_THAT(ran.output, HasSubstr("cull+select"));
+  std::ifstream stream(file);
+  const nlohmann::json json = nlohmann::json::parse(stream, nullptr, false);
+  ASSERT_FALSE(json.is_discarded());
+  for (const char* key : {"processor", "cores", "instructions", "commit"}) {
+    EXPECT_TRUE(json["machine"].contains(key)) << key;
+  }
+  ASSERT_EQ(json["rows"].size(), 1u);
+  const nlohmann::json& row = json["rows"][0];
+  EXPECT_EQ(row["budget_million"], 0.05);
+  EXPECT_EQ(row["frames"], 2);
+  for (const char* key : {"fps", "visible", "vertices", "triangles", "frame_wall_ms",
+                          "frame_cpu_ms", "stage_wall_ms", "stage_cpu_ms", "encode_cpu_ms"}) {
+    EXPECT_TRUE(row.contains(key)) << key;
+  }
+  for (const char* key : {"advance", "cull", "select", "allocate", "generate", "raster"}) {
+    EXPECT_TRUE(row["stage_wall_ms"].contains(key)) << key;
+  }
+  EXPECT_GT(row["triangles"]["mean"], 0);
+  EXPECT_GT(row["frame_cpu_ms"]["mean"], 0);
+}
+
+}  // namespace
+}  // namespace throng::bench

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "bench/experiments/machine.hpp"
+#include "throng/render/frame.hpp"
+
+namespace throng::bench {
+
+/// What all experiments share.
+struct Common {
+  Machine machine;
+  std::shared_ptr<const render::Cast> cast;
+  render::Viewport viewport;
+  unsigned threads = 0;
+  std::string json;  // file, empty: none
+};
+
+struct PaperOptions {
+  std::uint32_t agents = 30000;
+  std::vector<double> budgets_million{1, 5, 10, 15, 20};
+  std::uint32_t frames = 100;  // of the walkthrough's 1,000, evenly spread
+  render::RasterKind raster = render::RasterKind::kVisibility;
+  render::LodRule lod = render::LodRule::kDong2019;
+  bool equal_triangles = true;  // also at the triangles of the paper's rows
+  std::string camera_path;      // file, empty: the walkthrough that comes with the bench
+};
+
+/// Dong & Peng 2019, table 2.
+absl::Status run_paper(const Common& common, const PaperOptions& options);
+
+}  // namespace throng::bench
