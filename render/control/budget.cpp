@@ -1,24 +1,17 @@
 #include <algorithm>
 #include <cmath>
 
+#include "render/control/cost_model.hpp"
 #include "throng/render/control.hpp"
-#include "throng/render/frame.hpp"
 
 namespace throng::render {
 namespace {
 
-double total_ms(const StageTimes& times) {
-  return times.advance_ms + times.cull_ms + times.select_ms + times.allocate_ms +
-         times.generate_ms + times.raster_ms + times.resolve_ms + times.read_back_ms +
-         times.encode_ms;
-}
-
 ControlSettings sensible(ControlSettings settings) {
-  if (!(settings.target_ms > 0.0) || !std::isfinite(settings.target_ms)) settings.target_ms = 40.0;
-  if (!(settings.gain > 0.0)) settings.gain = 0.5;
-  settings.gain = std::min(settings.gain, 1.0);
   settings.least_budget = std::max<std::uint64_t>(settings.least_budget, 1);
   settings.most_budget = std::max(settings.most_budget, settings.least_budget);
+  settings.start_budget =
+      std::clamp(settings.start_budget, settings.least_budget, settings.most_budget);
   return settings;
 }
 
@@ -26,46 +19,55 @@ class FixedController final : public BudgetController {
  public:
   explicit FixedController(std::uint64_t budget) : budget_(budget) {}
   std::string_view name() const override { return "fixed"; }
-  void record(const StageTimes&, std::uint64_t) override {}
-  std::uint64_t vertex_budget() const override { return budget_; }
+  void record(const FrameCost&) override {}
+  std::uint64_t next_budget(double) override { return budget_; }
 
  private:
   std::uint64_t budget_;
 };
 
-/// Moves the budget by a share of what the frame missed its target by, at most to the half or the
-/// double at once. A crowd that has all its detail already is not given more.
-class ProportionalController final : public BudgetController {
+/// Solves the cost model for the vertices that fit into the target. The budget stays where it is
+/// while it comes out right, so that a standing crowd does not shimmer.
+class PredictiveController final : public BudgetController {
  public:
-  explicit ProportionalController(const ControlSettings& settings)
-      : settings_(settings),
-        budget_(static_cast<double>(
-            std::clamp(settings.start_budget, settings.least_budget, settings.most_budget))) {}
-  std::string_view name() const override { return "proportional"; }
+  explicit PredictiveController(const ControlSettings& settings)
+      : settings_(settings), budget_(settings.start_budget) {}
+  std::string_view name() const override { return "predictive"; }
 
-  void record(const StageTimes& times, std::uint64_t vertices) override {
-    const double frame_ms = total_ms(times);
-    if (!(frame_ms > 0.0) || !std::isfinite(frame_ms)) return;
-    const double ratio = std::clamp(settings_.target_ms / frame_ms, 0.5, 2.0);
-    const bool is_saturated = static_cast<double>(vertices) < 0.9 * budget_;
-    if (ratio > 1.0 && is_saturated) return;
-    budget_ = std::clamp(budget_ * (1.0 + settings_.gain * (ratio - 1.0)),
-                         static_cast<double>(settings_.least_budget),
-                         static_cast<double>(settings_.most_budget));
+  void record(const FrameCost& cost) override { model_.record(cost); }
+
+  std::uint64_t next_budget(double target_ms) override {
+    if (!(target_ms > 0.0) || !std::isfinite(target_ms) || model_.empty()) return budget_;
+    const FrameCost& last = model_.last();
+    const double room_ms = target_ms - model_.predict_ms(last);
+    const auto vertices = static_cast<double>(last.vertices);
+    const double fitting = vertices + room_ms * 1e6 / model_.ms_per_million();
+    const auto budget = static_cast<double>(budget_);
+    double next = budget;
+    if (vertices < 0.9 * budget && fitting > vertices) {
+      next = std::min(budget, fitting);  // all detail there is: more would be given to nobody
+    } else if (std::abs(room_ms) > kCalm * target_ms) {
+      next = std::min(fitting, kLongestStep * budget);  // what was never tried is not trusted
+    }
+    budget_ =
+        static_cast<std::uint64_t>(std::clamp(next, static_cast<double>(settings_.least_budget),
+                                              static_cast<double>(settings_.most_budget)));
+    return budget_;
   }
 
-  std::uint64_t vertex_budget() const override { return static_cast<std::uint64_t>(budget_); }
-
  private:
+  static constexpr double kCalm = 0.04, kLongestStep = 4.0;
+
   ControlSettings settings_;
-  double budget_;
+  CostModel model_;
+  std::uint64_t budget_;
 };
 
 }  // namespace
 
 std::unique_ptr<BudgetController> make_controller(const ControlSettings& settings) {
-  if (settings.kind == ControllerKind::kProportional) {
-    return std::make_unique<ProportionalController>(sensible(settings));
+  if (settings.kind == ControllerKind::kPredictive) {
+    return std::make_unique<PredictiveController>(sensible(settings));
   }
   return std::make_unique<FixedController>(settings.start_budget);
 }

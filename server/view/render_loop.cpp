@@ -10,6 +10,7 @@
 #include <deque>
 #include <mutex>
 #include <thread>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -64,16 +65,20 @@ struct EncodeJob {
   Recipients recipients;
 };
 
+/// How a viewer's budget is found.
+struct ViewControl {
+  std::unique_ptr<render::BudgetController> controller;
+  Clock::time_point drawn;  // when a frame was last rendered for it
+  std::uint64_t frame = 0;  // which one; viewers who share have the same
+  double rate_hz = 0.0;     // asked for
+};
+
 constexpr std::size_t kCachedFrames = 8;
 
 }  // namespace
 
 struct RenderLoop::State {
-  explicit State(RenderLoopOptions loop_options)
-      : options(std::move(loop_options)),
-        controller(render::make_controller({.kind = render::ControllerKind::kProportional,
-                                            .target_ms = options.target_ms,
-                                            .start_budget = options.default_vertex_budget})) {}
+  explicit State(RenderLoopOptions loop_options) : options(std::move(loop_options)) {}
 
   void render_thread(MakeRenderer make_renderer);
   void encode_thread();
@@ -82,8 +87,11 @@ struct RenderLoop::State {
   bool next_work(std::optional<PictureRequest>& request, Recipients& recipients,
                  Clock::time_point& now);
 
+  double target_ms(Clock::time_point now) const;
+  std::uint64_t controlled_budget(const Recipients& recipients, Clock::time_point now);
+  void record(const Recipients& recipients, const render::FrameStats& stats);
+
   const RenderLoopOptions options;
-  const std::unique_ptr<render::BudgetController> controller;  // of the render thread
 
   mutable std::mutex mutex;
   std::condition_variable changed;      // work for the render thread, or stop
@@ -94,6 +102,7 @@ struct RenderLoop::State {
   std::optional<absl::Status> made;  // how making the renderer ended
   std::string compute_name, raster_name;
   std::vector<std::shared_ptr<Viewer>> viewers;
+  std::unordered_map<const Viewer*, ViewControl> controls;  // of viewers that name no budget
   std::deque<std::pair<PictureRequest, PictureDone>> pictures;
   std::optional<EncodeJob> job;
   std::vector<render::Picture> spare_pictures;
@@ -143,6 +152,7 @@ void RenderLoop::add(std::shared_ptr<Viewer> viewer) {
 void RenderLoop::remove(const Viewer* viewer) {
   const std::lock_guard lock(state_->mutex);
   std::erase_if(state_->viewers, [viewer](const auto& entry) { return entry.get() == viewer; });
+  state_->controls.erase(viewer);
 }
 
 void RenderLoop::wake() {
@@ -215,6 +225,7 @@ bool RenderLoop::State::next_work(std::optional<PictureRequest>& request, Recipi
     Clock::time_point first_due = Clock::time_point::max();
     std::erase_if(viewers, [&](const std::shared_ptr<Viewer>& viewer) {
       if (viewer->request().crowd->deleted()) {
+        controls.erase(viewer.get());
         orphans.push_back(viewer);
         return true;
       }
@@ -322,7 +333,7 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   const bool controlled =
       view.vertex_budget == 0 && options.target_ms > 0.0 && !recipients.viewers.empty();
   settings.selection.vertex_budget = view.vertex_budget != 0 ? view.vertex_budget
-                                     : controlled            ? controller->vertex_budget()
+                                     : controlled            ? controlled_budget(recipients, now)
                                                              : options.default_vertex_budget;
   settings.look.shadows = view.shadows;
   settings.channel = view.channel.empty() ? -1 : view.crowd->channel_index(view.channel);
@@ -340,7 +351,7 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
     fail(recipients, status);
     return;
   }
-  if (controlled) controller->record(next.frame->stats.times, next.frame->stats.counters.vertices);
+  if (controlled) record(recipients, next.frame->stats);
   next.frame->viewport = view.viewport;
   next.frame->camera = settings.camera;
   next.frame->vertex_budget = settings.selection.vertex_budget;
@@ -367,6 +378,58 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   }
   job = std::move(next);
   job_changed.notify_all();
+}
+
+/// Of one frame: all of the options' unless the views drawn of late ask for more frames than that
+/// leaves time for. Then each frame is made shorter, so that detail goes before the rate does.
+double RenderLoop::State::target_ms(Clock::time_point now) const {
+  const double most_hz = 1000.0 / options.target_ms;
+  std::vector<std::pair<std::uint64_t, double>> frames;  // each with the rate it is wanted at
+  for (const auto& [viewer, control] : controls) {
+    if (now - control.drawn < std::chrono::seconds(1)) {
+      frames.emplace_back(control.frame, std::min(control.rate_hz, most_hz));
+    }
+  }
+  std::sort(frames.begin(), frames.end());
+  double wanted_hz = 0.0;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const bool shared = i + 1 < frames.size() && frames[i + 1].first == frames[i].first;
+    if (!shared) wanted_hz += frames[i].second;  // the highest rate of those who share it
+  }
+  return wanted_hz > most_hz ? 1000.0 / wanted_hz : options.target_ms;
+}
+
+std::uint64_t RenderLoop::State::controlled_budget(const Recipients& recipients,
+                                                   Clock::time_point now) {
+  const std::lock_guard lock(mutex);
+  for (const auto& [viewer, index] : recipients.viewers) {
+    if (std::find(viewers.begin(), viewers.end(), viewer) == viewers.end()) continue;  // has left
+    ViewControl& control = controls[viewer.get()];
+    if (control.controller == nullptr) {
+      control.controller = render::make_controller({.kind = render::ControllerKind::kPredictive,
+                                                    .start_budget = options.default_vertex_budget});
+    }
+    control.drawn = now;
+    control.frame = counters.rendered_frames;
+    control.rate_hz = viewer->request().max_rate_hz;
+  }
+  const auto first = controls.find(recipients.viewers.front().first.get());
+  return first == controls.end() ? options.default_vertex_budget
+                                 : first->second.controller->next_budget(target_ms(now));
+}
+
+void RenderLoop::State::record(const Recipients& recipients, const render::FrameStats& stats) {
+  const render::StageTimes& times = stats.times;
+  const render::FrameCost cost{.frame_ms = times.advance_ms + times.cull_ms + times.select_ms +
+                                           times.allocate_ms + times.generate_ms + times.raster_ms +
+                                           times.resolve_ms + times.read_back_ms,
+                               .visible = stats.counters.visible,
+                               .vertices = stats.counters.vertices};
+  const std::lock_guard lock(mutex);
+  for (const auto& [viewer, index] : recipients.viewers) {
+    const auto control = controls.find(viewer.get());
+    if (control != controls.end()) control->second.controller->record(cost);
+  }
 }
 
 void RenderLoop::State::encode_thread() {

@@ -16,7 +16,9 @@ namespace throng::server {
 
 struct RenderLoopOptions {
   std::uint64_t default_vertex_budget = 1'000'000;  // of a view that does not say
-  double target_ms = 0.0;  // over 0: such views get the budget that a frame of this length allows
+  // Over 0: such views get the budget that a frame of this length allows, without its encoding. All
+  // views of the loop share it: with two at full rate each frame has half as long.
+  double target_ms = 0.0;
   std::uint32_t max_pending_pictures = 16;
   Now now = [] { return Clock::now(); };
 };

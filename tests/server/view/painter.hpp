@@ -15,7 +15,8 @@ namespace throng::test {
 struct PainterLog {
   std::atomic<int> rendered{0};
   std::atomic<bool> fails{false};
-  std::atomic<double> raster_ms{0.0};  // what it says a picture took
+  std::atomic<double> raster_ms{0.0};       // what it says a picture took,
+  std::atomic<double> ms_per_million{0.0};  // and beside that for the vertices of its budget
   std::mutex mutex;
   std::condition_variable changed;
   bool held = false;  // while set, render does not return
@@ -54,7 +55,9 @@ class Painter final : public server::FrameRenderer {
     }
     stats = render::FrameStats();
     stats.scene_time_us = scene_time_us;
-    stats.times.raster_ms = log_->raster_ms.load();
+    stats.times.raster_ms =
+        log_->raster_ms.load() +
+        log_->ms_per_million.load() * 1e-6 * static_cast<double>(settings.selection.vertex_budget);
     stats.counters.vertices = settings.selection.vertex_budget;
     if (const auto newest = crowd.newest()) stats.counters.agents = newest->present_count;
     return absl::OkStatus();
