@@ -126,6 +126,15 @@ TEST(ProgramTest, RefusesBadFlagsByName) {
   EXPECT_EQ(run("--help").code, 0);
 }
 
+TEST(ProgramTest, OutputThatCantBeWrittenHasItsOwnCode) {
+  if (!is_there(kProgram) || !is_there(kCast + "/cast.json")) {
+    GTEST_SKIP() << "throng-bench or the built-in cast is not built";
+  }
+  const Ran ran = run("paper --frames 1 --agents 5 --budgets 0.01 --size 64x64 --json /dev/null/x");
+  EXPECT_EQ(ran.code, 5) << ran.output;
+  EXPECT_THAT(ran.output, HasSubstr("/dev/null/x"));
+}
+
 TEST(ProgramTest, PaperWritesEveryColumn) {
   if (!is_there(kProgram) || !is_there(kCast + "/cast.json")) {
     GTEST_SKIP() << "throng-bench or the built-in cast is not built";
@@ -154,6 +163,28 @@ TEST(ProgramTest, PaperWritesEveryColumn) {
   }
   EXPECT_GT(row["triangles"]["mean"], 0);
   EXPECT_GT(row["frame_cpu_ms"]["mean"], 0);
+}
+
+TEST(ProgramTest, RasterComparesSevenCases) {
+  if (!is_there(kProgram) || !is_there(kCast + "/cast.json")) {
+    GTEST_SKIP() << "throng-bench or the built-in cast is not built";
+  }
+  const test::TemporaryFolder folder;
+  const std::string file = folder.file("raster.json");
+  const Ran ran = run("raster --pairs 1 --scale 0.002 --size 640x360 --json " + file);
+  if (ran.code == 4) GTEST_SKIP() << "no OpenGL: " << ran.output;
+  ASSERT_EQ(ran.code, 0) << ran.output;
+  std::ifstream stream(file);
+  const nlohmann::json json = nlohmann::json::parse(stream, nullptr, false);
+  ASSERT_FALSE(json.is_discarded());
+  EXPECT_TRUE(json["limits_kept"]);
+  ASSERT_EQ(json["rows"].size(), 7u);
+  EXPECT_EQ(json["rows"][0]["triangles"], 84);
+  EXPECT_EQ(json["rows"][6]["triangles"], 4512);
+  for (const nlohmann::json& row : json["rows"]) {
+    EXPECT_GT(row["ratio"]["median"], 0);
+    EXPECT_GT(row["coverage_gl"], 0);
+  }
 }
 
 }  // namespace

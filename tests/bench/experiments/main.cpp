@@ -22,28 +22,40 @@ extern "C" void on_signal(int signal) {
   stop_requested.store(true);  // lock-free, so allowed here
 }
 
-enum ExitCode { kOk = 0, kInternal = 1, kUsage = 2, kBadInput = 3, kNoRenderer = 4, kOutput = 5 };
+enum ExitCode {
+  kOk = 0,
+  kInternal = 1,
+  kUsage = 2,
+  kBadInput = 3,
+  kNoRenderer = 4,
+  kOutput = 5,
+  kLimits = 6
+};
 
 constexpr const char* kFooter = R"(Examples:
   throng-bench paper                                  table 2 of Dong & Peng 2019, all budgets
   throng-bench paper --frames 20 --budgets 1,5 --raster gl
   throng-bench paper --size 1920x1080 --json paper.json
+  throng-bench raster                                 visibility against OpenGL on llvmpipe
 
 Times are wall and, beside them, of all threads on the processor (CPU): on a machine that others use
 too, only the second holds. Exit codes: 0 done, 1 internal error, 2 usage, 3 bad input, 4 nothing to
-render with, 5 output can't be written, 130 or 143 stopped by Ctrl-C or SIGTERM.)";
+render with, 5 output can't be written, 6 a stated limit is not kept, 130 or 143 stopped by Ctrl-C or SIGTERM.)";
 
-int exit_code(const absl::Status& status, bool writing) {
+int exit_code(const absl::Status& status) {
   switch (status.code()) {
     case absl::StatusCode::kOk:
       return kOk;
     case absl::StatusCode::kUnavailable:
-      return writing ? kOutput : kNoRenderer;
     case absl::StatusCode::kFailedPrecondition:
       return kNoRenderer;
     case absl::StatusCode::kNotFound:
     case absl::StatusCode::kInvalidArgument:
       return kBadInput;
+    case absl::StatusCode::kPermissionDenied:
+      return kOutput;
+    case absl::StatusCode::kDataLoss:
+      return kLimits;
     default:
       return kInternal;
   }
@@ -70,17 +82,19 @@ bool parse_size(const std::string& text, render::Viewport& viewport) {
 }
 
 struct Flags {
-  std::string cast, size = "1280x720", raster = "visibility", lod = "dong2019";
+  std::string cast, size, raster = "visibility", lod = "dong2019";
   Common common;
   PaperOptions paper;
+  RasterOptions raster_pairs;
 };
 
 void add_common(CLI::App& command, Flags& flags) {
   command
       .add_option("--cast", flags.cast, "Folder of baked characters (default: the built-in cast)")
       ->type_name("DIR");
-  command.add_option("--size", flags.size, "Size of the pictures, px")
-      ->capture_default_str()
+  command
+      .add_option("--size", flags.size,
+                  "Size of the pictures, px (default 1280x720; raster: 1920x1088)")
       ->type_name("WxH");
   command.add_option("--threads", flags.common.threads, "Worker threads, 0: one for each core")
       ->capture_default_str()
@@ -119,6 +133,24 @@ int run(int argc, char** argv) {
   paper->add_option("--camera", flags.paper.camera_path, "Camera path (default: the bench's own)")
       ->type_name("FILE");
 
+  CLI::App* raster =
+      app.add_subcommand("raster", "Visibility rasterizer against gl on identical buffers");
+  add_common(*raster, flags);
+  raster->add_option("--pairs", flags.raster_pairs.pairs, "Draws by each, in turns")
+      ->capture_default_str()
+      ->check(CLI::Range(1U, 1000U));
+  raster
+      ->add_option("--gl-samples", flags.raster_pairs.gl_samples,
+                   "Samples a pixel that gl takes where it is timed")
+      ->capture_default_str()
+      ->check(CLI::IsMember({1, 4}));
+  raster->add_option("--scale", flags.raster_pairs.scale, "Share of the instances that is drawn")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 1.0));
+
+  raster->add_option("--pictures", flags.raster_pairs.pictures, "Write what is compared as PNG")
+      ->type_name("DIR");
+
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -128,6 +160,7 @@ int run(int argc, char** argv) {
     std::fprintf(stderr, "throng-bench: %s\n", message.c_str());
     return static_cast<int>(kUsage);
   };
+  if (flags.size.empty()) flags.size = *raster ? "1920x1088" : "1280x720";
   if (!parse_size(flags.size, flags.common.viewport)) {
     return usage("--size: '" + flags.size + "' must be WxH with 1 to 16384 px a side");
   }
@@ -140,20 +173,21 @@ int run(int argc, char** argv) {
         "no built-in cast beside the program; bake one with "
         "'throng-bake --builtin -o cast' and give --cast cast");
   }
-  const auto fail = [](const absl::Status& status, bool writing) {
+  const auto fail = [](const absl::Status& status) {
     std::fprintf(stderr, "throng-bench: %s\n", std::string(status.message()).c_str());
-    return exit_code(status, writing);
+    return exit_code(status);
   };
   auto cast = render::read_cast(flags.cast);
-  if (!cast.ok()) return fail(cast.status(), false);
+  if (!cast.ok()) return fail(cast.status());
   flags.common.cast = std::make_shared<const render::Cast>(*std::move(cast));
   flags.common.machine = Machine::describe();
 
   std::signal(SIGINT, on_signal);
   std::signal(SIGTERM, on_signal);
-  const absl::Status status = run_paper(flags.common, flags.paper);
+  const absl::Status status =
+      *raster ? run_raster(flags.common, flags.raster_pairs) : run_paper(flags.common, flags.paper);
   if (stop_signal != 0) return 128 + stop_signal;
-  return status.ok() ? kOk : fail(status, !flags.common.json.empty());
+  return status.ok() ? kOk : fail(status);
 }
 
 }  // namespace

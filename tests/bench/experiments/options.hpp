@@ -31,7 +31,17 @@ struct PaperOptions {
   std::string camera_path;      // file, empty: the walkthrough that comes with the bench
 };
 
+struct RasterOptions {
+  std::uint32_t pairs = 9;
+  unsigned gl_samples = 1;  // a pixel, of what is timed: 1 (then edges are smoothed) or 4
+  double scale = 1.0;       // of the instances, for tests
+  std::string pictures;     // folder for the pictures that are compared, empty: none
+};
+
 /// Dong & Peng 2019, table 2.
 absl::Status run_paper(const Common& common, const PaperOptions& options);
+
+/// Visibility against gl on identical buffers. DataLoss when pictures differ beyond the limits.
+absl::Status run_raster(const Common& common, const RasterOptions& options);
 
 }  // namespace throng::bench

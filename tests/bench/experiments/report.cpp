@@ -27,14 +27,27 @@ void Progress::step(const std::string& detail) {
   }
 }
 
-absl::Status write_json(const std::string& file, const nlohmann::ordered_json& json) {
+namespace {
+
+absl::Status write(const std::string& file, std::span<const std::uint8_t> bytes) {
   const std::filesystem::path folder = std::filesystem::path(file).parent_path();
-  std::error_code error;
+  std::error_code error;  // write_file says what is wrong
   if (!folder.empty()) std::filesystem::create_directories(folder, error);
+  const absl::Status status = render::write_file(file, bytes);
+  return status.ok() ? status : absl::PermissionDeniedError(status.message());
+}
+
+}  // namespace
+
+absl::Status write_json(const std::string& file, const nlohmann::ordered_json& json) {
   // a NaN becomes null: a number that was not measured
   const std::string text = json.dump(1) + "\n";
-  return render::write_file(file,
-                            {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+  return write(file, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+}
+
+absl::Status write_png(const std::string& file, const render::Picture& picture) {
+  const auto png = render::encode_png(picture.rgbx, picture.width_px, picture.height_px);
+  return png.ok() ? write(file, *png) : png.status();
 }
 
 }  // namespace throng::bench

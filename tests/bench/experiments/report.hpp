@@ -6,6 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "throng/render/picture.hpp"
+
 namespace throng::bench {
 
 /// Set by Ctrl-C: experiments end after the frame that is under way and report what they have.
@@ -25,7 +27,9 @@ class Progress {
   bool terminal_;
 };
 
-/// Writes an experiment's numbers, indented. Unavailable when the file can't be written.
+/// Writes an experiment's numbers, indented. PermissionDenied when the file can't be written.
 absl::Status write_json(const std::string& file, const nlohmann::ordered_json& json);
+
+absl::Status write_png(const std::string& file, const render::Picture& picture);
 
 }  // namespace throng::bench
