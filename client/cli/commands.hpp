@@ -55,6 +55,23 @@ int run_record(const RecordCommand& command);
 /// One line of text a second about what a viewer of the crowd gets.
 int run_watch(const ViewCommand& command, std::optional<double> seconds);
 
+struct SnapshotCommand {
+  ViewCommand view;
+  std::string output;            // .jpg or .png
+  std::optional<double> time_s;  // scene time; none: now
+};
+/// One picture, also of a moment that has passed.
+int run_snapshot(const SnapshotCommand& command);
+
+struct ConvertCommand {
+  Common common;
+  std::string input, output;
+  trajectory::ReadOptions read;
+  std::string format;  // empty: by the ending of `output`
+  double fps = 0.0;    // 0: that of the input
+};
+int run_convert(const ConvertCommand& command);
+
 int run_crowds(const Common& common, bool json);
 int run_server_info(const Common& common, bool json);
 int run_file_info(const std::string& file, const trajectory::ReadOptions& read, bool json);

@@ -5,6 +5,7 @@
 
 #include "client/cli/commands.hpp"
 #include "client/cli/interrupt.hpp"
+#include "throng/trajectory/writer.hpp"
 
 namespace {
 
@@ -41,9 +42,6 @@ void finish_reading(throng::trajectory::ReadOptions& read, const std::string& un
 void add_view(CLI::App& app, ViewCommand& view, std::string& size) {
   app.add_option("--crowd", view.crowd, "Name of the crowd")->required();
   app.add_option("--size", size, "WIDTHxHEIGHT in pixels")->capture_default_str();
-  app.add_option("--fps", view.fps, "Frames per second at most")
-      ->capture_default_str()
-      ->check(CLI::Range(0.01, 1000.0));
   app.add_option("--quality", view.quality, "JPEG quality")
       ->capture_default_str()
       ->check(CLI::Range(1, 100));
@@ -58,6 +56,12 @@ void add_view(CLI::App& app, ViewCommand& view, std::string& size) {
   app.add_option("--wait", view.wait_s, "Seconds to wait for server and crowd")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 86400.0));
+}
+
+void add_rate(CLI::App& app, ViewCommand& view) {
+  app.add_option("--fps", view.fps, "Frames per second at most")
+      ->capture_default_str()
+      ->check(CLI::Range(0.01, 1000.0));
 }
 
 /// Checks what CLI11 can't; exits with 2 through CLI11's own way of telling.
@@ -80,9 +84,12 @@ int main(int argc, char** argv) {
   Common common;
   PublishCommand publish;
   RecordCommand record;
+  SnapshotCommand snapshot;
   ViewCommand watch;
+  ConvertCommand convert;
   std::string publish_unit, publish_z = "ignore", info_unit, info_z = "ignore";
-  std::string record_size = "1280x720", watch_size = "320x180", info_file;
+  std::string convert_unit, convert_z = "ground", info_file;
+  std::string record_size = "1280x720", snapshot_size = "1280x720", watch_size = "320x180";
   throng::trajectory::ReadOptions info_read;
   std::optional<double> watch_seconds;
   bool crowds_json = false, info_json = false, doctor_json = false;
@@ -98,8 +105,10 @@ int main(int argc, char** argv) {
       "  throng publish run.sqlite --crowd station --loop\n"
       "  throng record --crowd station -o station.mp4 --seconds 10\n"
       "  throng record --crowd station -o frames/####.jpg --camera \"0,-20,8:0,0,1\" --frames 30\n"
+      "  throng snapshot --crowd station -o station.png\n"
       "  throng crowds --json\n"
       "  throng info run.sqlite\n"
+      "  throng convert run.sqlite run.csv\n"
       "  throng doctor\n"
       "Exit codes: 0 done, 1 failure, 2 usage, 3 bad input, 130 and 143 interrupted.");
 
@@ -122,6 +131,7 @@ int main(int argc, char** argv) {
   CLI::App* record_app =
       app.add_subcommand("record", "Keep what a viewer sees, as video or pictures");
   add_view(*record_app, record.view, record_size);
+  add_rate(*record_app, record.view);
   record_app
       ->add_option("-o,--output", record.output,
                    "out.mp4, frames/####.jpg, frames/####.png or one.jpg")
@@ -130,8 +140,16 @@ int main(int argc, char** argv) {
   record_app->add_option("--frames", record.frames, "Number of frames")->check(CLI::PositiveNumber);
   record_app->footer("Without --seconds and --frames it ends after the producer has left.");
 
+  CLI::App* snapshot_app = app.add_subcommand("snapshot", "One picture of a crowd, now or earlier");
+  add_view(*snapshot_app, snapshot.view, snapshot_size);
+  snapshot_app->add_option("-o,--output", snapshot.output, "one.png or one.jpg")->required();
+  snapshot_app->add_option("--time", snapshot.time_s, "Scene time in seconds (default: now)")
+      ->check(CLI::Range(-1e9, 1e9));
+  snapshot_app->footer("throng snapshot --crowd station --time 12.5 -o station.png");
+
   CLI::App* watch_app = app.add_subcommand("watch", "One line a second about what a viewer gets");
   add_view(*watch_app, watch, watch_size);
+  add_rate(*watch_app, watch);
   watch_app->add_option("--seconds", watch_seconds, "Length")->check(CLI::PositiveNumber);
 
   CLI::App* crowds_app = app.add_subcommand("crowds", "List the crowds of a server");
@@ -143,6 +161,22 @@ int main(int argc, char** argv) {
   info_app->add_flag("--json", info_json, "As JSON");
   add_reading(*info_app, info_read, info_unit, info_z);
 
+  CLI::App* convert_app =
+      app.add_subcommand("convert", "Write a trajectory file in another format");
+  convert_app->add_option("input", convert.input, "JuPedSim sqlite, archive text, CSV, ...")
+      ->required();
+  convert_app->add_option("output", convert.output, "run.csv, run.sqlite (JuPedSim) or run.txt")
+      ->required();
+  convert_app->add_option("--to", convert.format, "Format to write, where the name does not tell")
+      ->check(CLI::IsMember(throng::trajectory::write_format_names()));
+  convert_app
+      ->add_option("--fps", convert.fps, "Rate of the written frames (default: as in the input)")
+      ->check(CLI::Range(0.001, 10000.0));
+  add_reading(*convert_app, convert.read, convert_unit, convert_z);
+  convert_app->footer(
+      "throng convert fcd.xml.gz walk.csv\n"
+      "throng convert walk.txt walk.sqlite --source-fps 16 --source-unit cm");
+
   CLI::App* doctor_app =
       app.add_subcommand("doctor", "What this machine and the server can draw with");
   doctor_app->add_flag("--json", doctor_json, "As JSON");
@@ -150,12 +184,14 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
     if (record_app->parsed()) finish_view(record.view, record_size);
+    if (snapshot_app->parsed()) finish_view(snapshot.view, snapshot_size);
     if (watch_app->parsed()) finish_view(watch, watch_size);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? kOk : kUsage;
   }
   finish_reading(publish.read, publish_unit, publish_z);
   finish_reading(info_read, info_unit, info_z);
+  finish_reading(convert.read, convert_unit, convert_z);
 
   catch_interrupts();
   if (publish_app->parsed()) {
@@ -165,6 +201,14 @@ int main(int argc, char** argv) {
   if (record_app->parsed()) {
     record.view.common = common;
     return run_record(record);
+  }
+  if (snapshot_app->parsed()) {
+    snapshot.view.common = common;
+    return run_snapshot(snapshot);
+  }
+  if (convert_app->parsed()) {
+    convert.common = common;
+    return run_convert(convert);
   }
   if (watch_app->parsed()) {
     watch.common = common;

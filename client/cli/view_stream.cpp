@@ -24,9 +24,10 @@ void fill(const double (&from)[3], v1::Vec3& to) {
   to.set_z(from[2]);
 }
 
-v1::StreamViewRequest request_of(const ViewCommand& command) {
-  v1::StreamViewRequest request;
-  v1::ViewOptions& options = *request.mutable_options();
+}  // namespace
+
+v1::ViewOptions options_of(const ViewCommand& command) {
+  v1::ViewOptions options;
   options.set_crowd_name(command.crowd);
   options.set_width_px(command.width_px);
   options.set_height_px(command.height_px);
@@ -40,10 +41,8 @@ v1::StreamViewRequest request_of(const ViewCommand& command) {
     fill(camera->eye, *options.mutable_camera()->mutable_eye());
     fill(camera->target, *options.mutable_camera()->mutable_target());
   }
-  return request;
+  return options;
 }
-
-}  // namespace
 
 std::optional<CameraText> parse_camera(const std::string& text) {
   const std::vector<std::string> numbers = absl::StrSplit(text, absl::ByAnyChar(",:"));
@@ -72,7 +71,8 @@ absl::Status stream_view(const ViewCommand& command,
     (*connection)->prepare(context);
     const OnInterrupt cancel([&context] { context.TryCancel(); });
     const auto stream = stub->StreamView(&context);
-    v1::StreamViewRequest request = request_of(command);
+    v1::StreamViewRequest request;
+    *request.mutable_options() = options_of(command);
     v1::StreamViewResponse frame;
     bool enough = false, any = false;
     bool open = stream->Write(request);

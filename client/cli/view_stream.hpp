@@ -8,9 +8,13 @@
 
 namespace throng::v1 {
 class StreamViewResponse;
-}
+class ViewOptions;
+}  // namespace throng::v1
 
 namespace throng::client {
+
+/// What a viewer asks the server for.
+v1::ViewOptions options_of(const ViewCommand& command);
 
 /// What is to be done after a frame.
 enum class Next { kMore, kEnough };

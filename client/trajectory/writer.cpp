@@ -120,7 +120,8 @@ class CsvWriter final : public Writer {
     std::string header = "time_s,id,x_m,y_m";
     if (spec.has_z) header += ",z_m";
     if (spec.has_heading) header += ",heading_rad";
-    for (const std::string& name : spec.channel_names) absl::StrAppend(&header, ",", csv_field(name));
+    for (const std::string& name : spec.channel_names)
+      absl::StrAppend(&header, ",", csv_field(name));
     return file_.put(header + "\n");
   }
 
@@ -427,7 +428,8 @@ absl::StatusOr<std::unique_ptr<Writer>> make_writer(const std::string& path,
 }
 
 absl::StatusOr<Summary> convert(const std::string& input, const std::string& output,
-                                const ReadOptions& options, const std::string& format, double fps) {
+                                const ReadOptions& options, const std::string& format, double fps,
+                                const std::function<bool(std::uint64_t, std::uint64_t)>& goes_on) {
   absl::StatusOr<std::string> written = write_format(output, format);
   if (!written.ok()) return written.status();
   absl::StatusOr<Summary> summary = summarize(input, options);
@@ -462,6 +464,7 @@ absl::StatusOr<Summary> convert(const std::string& input, const std::string& out
   if (!writer.ok()) return writer.status();
   std::unordered_map<std::uint64_t, std::uint64_t> numbers;
   std::vector<std::string> names;
+  std::uint64_t frames = 0;
   Frame frame;
   while (true) {
     absl::StatusOr<bool> more = (*reader)->next(frame);
@@ -476,6 +479,9 @@ absl::StatusOr<Summary> convert(const std::string& input, const std::string& out
       }
     }
     if (absl::Status s = (*writer)->write(frame, names); !s.ok()) return s;
+    if (goes_on && !goes_on(++frames, summary->frames)) {
+      return absl::CancelledError(absl::StrCat(output, ": stopped after ", frames, " frames"));
+    }
   }
   if (absl::Status s = (*writer)->close(); !s.ok()) return s;
   return summary;

@@ -132,6 +132,18 @@ TEST(CommandTest, InfoTellsOfAFile) {
   EXPECT_THAT(outcome.out, HasSubstr("\"frames\": 21"));
 }
 
+TEST(CommandTest, ConvertsThereAndBack) {
+  const TemporaryFolder folder;
+  const std::string sqlite = folder.file("walk.sqlite"), csv = folder.file("back.csv");
+  const Outcome there = run("convert " + write_csv(folder) + " " + sqlite);
+  EXPECT_EQ(there.code, kOk) << there.err;
+  EXPECT_THAT(there.err, HasSubstr("21 frames"));
+  EXPECT_EQ(run("convert " + sqlite + " " + csv).code, kOk);
+  EXPECT_THAT(run("info --json " + csv).out, HasSubstr("\"frames\": 21"));
+  EXPECT_EQ(run("convert " + csv + " " + folder.file("walk.xyz")).code, kBadInput);
+  EXPECT_EQ(run("convert " + folder.file("absent.csv") + " " + csv).code, kBadInput);
+}
+
 TEST(CommandTest, PublishesRecordsAndLists) {
   const TestServer server;
   const TemporaryFolder folder;
@@ -151,6 +163,14 @@ TEST(CommandTest, PublishesRecordsAndLists) {
   const Outcome picture = run("record --crowd walk --size 64x48 -o " + folder.file("one.png") + at);
   EXPECT_EQ(picture.code, kOk) << picture.err;
   EXPECT_TRUE(std::filesystem::exists(folder.file("one.png")));
+  const std::string snapshot = "snapshot --crowd walk --size 64x48 -o ";
+  EXPECT_EQ(run(snapshot + folder.file("now.jpg") + at).code, kOk);
+  EXPECT_EQ(run(snapshot + folder.file("then.png") + " --time 0.5" + at).code, kOk);
+  EXPECT_TRUE(std::filesystem::exists(folder.file("then.png")));
+  EXPECT_EQ(run(snapshot + folder.file("now.gif") + at).code, kUsage);
+  const Outcome absent = run("snapshot --crowd absent -o " + folder.file("no.png") + at);
+  EXPECT_EQ(absent.code, kFailure);
+  EXPECT_THAT(absent.err, HasSubstr("absent"));
   const Outcome frames =
       run("record --crowd walk --frames 3 --size 64x48 -o " + folder.file("f/###.jpg") + at);
   EXPECT_EQ(frames.code, kOk) << frames.err;

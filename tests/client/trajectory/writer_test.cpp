@@ -114,6 +114,20 @@ TEST_F(WriterTest, FailedConversionLeavesTheOldFile) {
             absl::StatusCode::kUnavailable);
 }
 
+TEST_F(WriterTest, ConvertEndsWhereItIsToldToAndLeavesNoFile) {
+  std::uint64_t last = 0, all = 0;
+  const absl::Status status =
+      convert(good(), path("out.csv"), {}, "", 0.0, [&](std::uint64_t frames, std::uint64_t of) {
+        last = frames;
+        all = of;
+        return frames < 2;
+      }).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kCancelled);
+  EXPECT_EQ(last, 2U);
+  EXPECT_GE(all, 2U);
+  EXPECT_FALSE(std::filesystem::exists(path("out.csv")));
+}
+
 TEST_F(WriterTest, ColumnsOfTheWrongLengthAreRefused) {
   WriteSpec spec;
   spec.fps = 25;

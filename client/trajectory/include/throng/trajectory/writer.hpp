@@ -4,6 +4,7 @@
 #include <absl/status/statusor.h>
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -43,9 +44,12 @@ absl::StatusOr<std::unique_ptr<Writer>> make_writer(const std::string& path, con
 /// become 1, 2, ... in order of appearance. Reads the input twice.
 /// @param format  empty: by the ending of `output`
 /// @param fps     rate of the written frame numbers; 0: that of the input
+/// @param goes_on called after every frame with how many are written of how many; false ends it
+///                with Cancelled and leaves no file
 /// @return what was read; its notes also tell what the written file could not hold
-absl::StatusOr<Summary> convert(const std::string& input, const std::string& output,
-                                const ReadOptions& options = {}, const std::string& format = {},
-                                double fps = 0.0);
+absl::StatusOr<Summary> convert(
+    const std::string& input, const std::string& output, const ReadOptions& options = {},
+    const std::string& format = {}, double fps = 0.0,
+    const std::function<bool(std::uint64_t, std::uint64_t)>& goes_on = {});
 
 }  // namespace throng::trajectory

@@ -1,0 +1,64 @@
+#include <absl/strings/match.h>
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
+#include <grpcpp/grpcpp.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+
+#include "client/cli/commands.hpp"
+#include "client/cli/interrupt.hpp"
+#include "client/cli/output.hpp"
+#include "client/cli/view_stream.hpp"
+#include "throng/render/encode.hpp"
+#include "throng/v1/view.grpc.pb.h"
+
+namespace throng::client {
+
+int run_snapshot(const SnapshotCommand& command) {
+  const char* const kName = "snapshot";
+  v1::GetPictureRequest request;
+  *request.mutable_options() = options_of(command.view);
+  if (absl::EndsWithIgnoreCase(command.output, ".png")) {
+    request.set_format(v1::GetPictureRequest::FORMAT_PNG);
+  } else if (absl::EndsWithIgnoreCase(command.output, ".jpg") ||
+             absl::EndsWithIgnoreCase(command.output, ".jpeg")) {
+    request.set_format(v1::GetPictureRequest::FORMAT_JPEG);
+  } else {
+    report(kName, absl::InvalidArgumentError(
+                      absl::StrCat("-o: '", command.output, "' must end in .png, .jpg or .jpeg")));
+    return kUsage;
+  }
+  if (command.time_s.has_value()) request.set_scene_time_us(std::llround(*command.time_s * 1e6));
+
+  const auto connection = Connection::open(command.view.common.connection);
+  if (!connection.ok()) return report(kName, connection.status());
+  grpc::ClientContext context;
+  context.set_wait_for_ready(true);
+  context.set_deadline(
+      std::chrono::system_clock::now() +
+      std::chrono::milliseconds(static_cast<std::int64_t>(1000 * command.view.wait_s)));
+  (*connection)->prepare(context);
+  const OnInterrupt cancel([&context] { context.TryCancel(); });
+  v1::GetPictureResponse response;
+  const absl::Status status = from_grpc(
+      v1::ViewService::NewStub((*connection)->channel())->GetPicture(&context, request, &response),
+      **connection);
+  if (interrupted() != 0) return 128 + interrupted();
+  if (!status.ok()) return report(kName, status);
+
+  const std::string& image = response.image();
+  const absl::Status written = render::write_file(
+      command.output, {reinterpret_cast<const std::uint8_t*>(image.data()), image.size()});
+  if (!written.ok()) return report(kName, written);
+  if (!command.view.common.quiet) {
+    absl::FPrintF(stderr, "throng snapshot: %s at %.2f s, %d agents, %d in view\n",
+                  command.view.crowd, static_cast<double>(response.scene_time_us()) * 1e-6,
+                  response.stats().agents(), response.stats().visible());
+  }
+  std::printf("%s\n", command.output.c_str());
+  return kOk;
+}
+
+}  // namespace throng::client
