@@ -345,180 +345,377 @@ HWY_NOINLINE void DrawSpecial(const InstanceTriangles& triangles, std::uint32_t 
   }
 }
 
-void DrawInstance(const InstanceTriangles& triangles, const Projected& projected,
-                  const BatchVertex* vertices, const SampleGrid& grid, int tile_x, int tile_y,
-                  TilePlanes& planes, TileCounters& counters) {
+constexpr std::size_t kMaxLanes = 16;
+using Float = hn::Vec<FloatTag>;
+using Int = hn::Vec<IntTag>;
+using Uint = hn::Vec<UintTag>;
+
+/// Corners of one vector of triangles: sub-units from the tile's corner, and the vertices' numbers.
+struct Corners {
+  Int x0, y0, x1, y1, x2, y2, v0, v1, v2;
+};
+
+/// Triangles that may cover a sample, by columns, until there are enough for whole vectors: what
+/// costs most is done for them only.
+struct Survivors {
+  static constexpr std::size_t kRoom = 2 * kMaxLanes;
+  HWY_ALIGN std::int32_t x0[kRoom], y0[kRoom], x1[kRoom], y1[kRoom], x2[kRoom], y2[kRoom];
+  HWY_ALIGN std::int32_t v0[kRoom], v1[kRoom], v2[kRoom], triangle[kRoom];
+  std::size_t count = 0;
+};
+
+/// The samples of the tile between a triangle's outermost corners.
+struct Box {
+  Int x_low, y_low, x_high, y_high;
+};
+
+HWY_INLINE Box BoxOf(Int x_min, Int y_min, Int x_max, Int y_max) {
+  const IntTag di;
+  constexpr std::int32_t kHalf = element::kSubUnit / 2;
+  const auto zero = hn::Zero(di), last = hn::Set(di, kTileSamples - 1);
+  const auto up = hn::Set(di, kHalf - 1), half = hn::Set(di, kHalf);
+  return {hn::Max(zero, hn::ShiftRight<element::kSubBits>(hn::Add(x_min, up))),
+          hn::Max(zero, hn::ShiftRight<element::kSubBits>(hn::Add(y_min, up))),
+          hn::Min(last, hn::ShiftRight<element::kSubBits>(hn::Sub(x_max, half))),
+          hn::Min(last, hn::ShiftRight<element::kSubBits>(hn::Sub(y_max, half)))};
+}
+
+/// A few samples of one triangle a lane, at the same steps from each triangle's first sample.
+struct SmallTriangles {
+  Int x_low, y_low, width, height;  // of the boxes, in steps
+  Int e[3], dx[3], dy[3];           // at the first sample
+  Int vx, vy;
+  Float z0, dzdx, dzdy, low, high;
+  Uint id;
+};
+
+template <class Mask>
+HWY_INLINE void DrawSmall(const SmallTriangles& s, Mask alive, TilePlanes& planes) {
+  const FloatTag df;
+  const IntTag di;
+  const UintTag du;
+  constexpr std::int32_t kHalf = element::kSubUnit / 2;
+  HWY_ALIGN float depth[kMaxLanes];
+  HWY_ALIGN std::uint32_t id[kMaxLanes];
+  HWY_ALIGN std::int32_t place[kMaxLanes];
+  hn::Store(s.id, du, id);
+  const auto none = hn::Set(di, -1);
+  const auto columns = hn::IfThenElse(alive, s.width, none);
+  const auto rows = hn::IfThenElse(alive, s.height, none);
+  const std::int32_t most_x = hn::GetLane(hn::MaxOfLanes(di, columns));
+  const std::int32_t most_y = hn::GetLane(hn::MaxOfLanes(di, rows));
+  auto row0 = s.e[0], row1 = s.e[1], row2 = s.e[2];
+  const auto first_x =
+      hn::Sub(hn::Add(hn::ShiftLeft<element::kSubBits>(s.x_low), hn::Set(di, kHalf)), s.vx);
+  const auto first_y =
+      hn::Sub(hn::Add(hn::ShiftLeft<element::kSubBits>(s.y_low), hn::Set(di, kHalf)), s.vy);
+  for (std::int32_t j = 0; j <= most_y; ++j) {
+    auto e0 = row0, e1 = row1, e2 = row2;
+    const auto in_row = hn::Gt(rows, hn::Set(di, j - 1));
+    for (std::int32_t i = 0; i <= most_x; ++i) {
+      const auto inside = hn::And(hn::And(in_row, hn::Gt(columns, hn::Set(di, i - 1))),
+                                  hn::Gt(hn::Or(hn::Or(e0, e1), e2), none));
+      if (!hn::AllFalse(di, inside)) {
+        const auto x_units =
+            hn::ConvertTo(df, hn::Add(first_x, hn::Set(di, i * element::kSubUnit)));
+        const auto y_units =
+            hn::ConvertTo(df, hn::Add(first_y, hn::Set(di, j * element::kSubUnit)));
+        auto z = hn::Add(hn::Add(s.z0, hn::Mul(x_units, s.dzdx)), hn::Mul(y_units, s.dzdy));
+        z = hn::Min(hn::Max(z, s.low), s.high);
+        const auto x = hn::Add(s.x_low, hn::Set(di, i)), y = hn::Add(s.y_low, hn::Set(di, j));
+        const auto three = hn::Set(di, 3);
+        const auto block = hn::Add(hn::ShiftLeft<4>(hn::ShiftRight<2>(y)), hn::ShiftRight<2>(x));
+        hn::Store(hn::Or(hn::ShiftLeft<4>(block),
+                         hn::Or(hn::ShiftLeft<2>(hn::And(y, three)), hn::And(x, three))),
+                  di, place);
+        hn::Store(z, df, depth);
+        std::uint8_t bits[8] = {};
+        hn::StoreMaskBits(di, inside, bits);
+        std::uint32_t rest =
+            static_cast<std::uint32_t>(bits[0]) | static_cast<std::uint32_t>(bits[1]) << 8;
+        // one after the other: two lanes may want the same sample
+        for (; rest != 0; rest &= rest - 1) {
+          const int lane = __builtin_ctz(rest);
+          const auto at = static_cast<std::size_t>(place[lane]);
+          const float old = planes.depth[at];
+          if (depth[lane] > old || (depth[lane] == old && id[lane] > planes.id[at])) {
+            planes.depth[at] = depth[lane];
+            planes.id[at] = id[lane];
+          }
+        }
+      }
+      e0 = hn::Add(e0, s.dx[0]);
+      e1 = hn::Add(e1, s.dx[1]);
+      e2 = hn::Add(e2, s.dx[2]);
+    }
+    row0 = hn::Add(row0, s.dy[0]);
+    row1 = hn::Add(row1, s.dy[1]);
+    row2 = hn::Add(row2, s.dy[2]);
+  }
+}
+
+/// Sets up and draws survivors [from, from + lanes), of which the first `valid` count.
+/// @param depths  by vertex number.
+HWY_NOINLINE void DrawSurvivors(const Survivors& survivors, std::size_t from, std::size_t valid,
+                                const float* depths, std::uint32_t first_id, TilePlanes& planes) {
   const FloatTag df;
   const IntTag di;
   const UintTag du;
   const std::size_t lanes = hn::Lanes(df);
-  constexpr std::size_t kMaxLanes = 16;
   constexpr std::int32_t kHalf = element::kSubUnit / 2;
+  constexpr std::int32_t kSmallBox = 4;  // samples a side: larger ones go by blocks
+  const auto zero = hn::Zero(di);
+  const auto column = [&](const std::int32_t* values)
+                          HWY_ATTR { return hn::LoadU(di, values + from); };
+  const auto x0 = column(survivors.x0), y0 = column(survivors.y0);
+  const auto x1 = column(survivors.x1), y1 = column(survivors.y1);
+  const auto x2 = column(survivors.x2), y2 = column(survivors.y2);
+  const Box box = BoxOf(hn::Min(x0, hn::Min(x1, x2)), hn::Min(y0, hn::Min(y1, y2)),
+                        hn::Max(x0, hn::Max(x1, x2)), hn::Max(y0, hn::Max(y1, y2)));
+  const auto area =
+      hn::Sub(hn::Mul(hn::Sub(x2, x0), hn::Sub(y1, y0)), hn::Mul(hn::Sub(x1, x0), hn::Sub(y2, y0)));
+  SmallTriangles s;
+  // edges at the low corner of the triangle's own rectangle, where products are small
+  const auto px = hn::Add(hn::ShiftLeft<element::kSubBits>(box.x_low), hn::Set(di, kHalf));
+  const auto py = hn::Add(hn::ShiftLeft<element::kSubBits>(box.y_low), hn::Set(di, kHalf));
+  const auto edge = [&](Int ax, Int ay, Int bx, Int by, int k) HWY_ATTR {
+    const auto dx = hn::Sub(by, ay), dy = hn::Sub(ax, bx);
+    auto value = hn::Add(hn::Mul(dx, hn::Sub(px, ax)), hn::Mul(dy, hn::Sub(py, ay)));
+    const auto owns = hn::Or(hn::Gt(dx, zero), hn::And(hn::Eq(dx, zero), hn::Gt(dy, zero)));
+    value = hn::Sub(value, hn::IfThenElse(owns, zero, hn::Set(di, 1)));
+    s.e[k] = hn::ShiftRight<element::kSubBits>(value);
+    s.dx[k] = dx;
+    s.dy[k] = dy;
+  };
+  edge(x0, y0, x1, y1, 0);
+  edge(x1, y1, x2, y2, 1);
+  edge(x2, y2, x0, y0, 2);
+  s.x_low = box.x_low;
+  s.y_low = box.y_low;
+  s.width = hn::Sub(box.x_high, box.x_low);
+  s.height = hn::Sub(box.y_high, box.y_low);
+  s.vx = x0;
+  s.vy = y0;
+  const auto z0 = hn::GatherIndex(df, depths, column(survivors.v0));
+  const auto z1 = hn::GatherIndex(df, depths, column(survivors.v1));
+  const auto z2 = hn::GatherIndex(df, depths, column(survivors.v2));
+  const auto inverse = hn::Div(hn::Set(df, 1.0F), hn::ConvertTo(df, area));
+  const auto ux = hn::ConvertTo(df, hn::Sub(x1, x0)), uy = hn::ConvertTo(df, hn::Sub(y1, y0));
+  const auto vx = hn::ConvertTo(df, hn::Sub(x2, x0)), vy = hn::ConvertTo(df, hn::Sub(y2, y0));
+  const auto uz = hn::Sub(z1, z0), vz = hn::Sub(z2, z0);
+  s.z0 = z0;
+  s.dzdx = hn::Mul(hn::Sub(hn::Mul(vz, uy), hn::Mul(uz, vy)), inverse);
+  s.dzdy = hn::Mul(hn::Sub(hn::Mul(uz, vx), hn::Mul(vz, ux)), inverse);
+  s.low = hn::Min(z0, hn::Min(z1, z2));
+  s.high = hn::Max(z0, hn::Max(z1, z2));
+  s.id = hn::Add(hn::BitCast(du, column(survivors.triangle)), hn::Set(du, first_id));
+
+  const auto is_valid = hn::FirstN(di, valid);
+  const auto largest = hn::Max(s.width, s.height);
+  const auto small = hn::And(is_valid, hn::Lt(largest, hn::Set(di, kSmallBox)));
+  if (!hn::AllFalse(di, small)) DrawSmall(s, small, planes);
+  const auto large = hn::AndNot(small, is_valid);
+  if (hn::AllFalse(di, large)) return;
+
+  HWY_ALIGN std::int32_t integer[15][kMaxLanes];
+  HWY_ALIGN float number[5][kMaxLanes];
+  HWY_ALIGN std::uint32_t id[kMaxLanes];
+  for (int k = 0; k < 3; ++k) {
+    // back to the tile's first sample: steps of up to 63 * 2 * 2^14
+    const auto back = hn::Add(hn::Mul(s.dx[k], box.x_low), hn::Mul(s.dy[k], box.y_low));
+    hn::Store(hn::Sub(s.e[k], back), di, integer[3 * k]);
+    hn::Store(s.dx[k], di, integer[3 * k + 1]);
+    hn::Store(s.dy[k], di, integer[3 * k + 2]);
+  }
+  hn::Store(box.x_low, di, integer[9]);
+  hn::Store(box.y_low, di, integer[10]);
+  hn::Store(box.x_high, di, integer[11]);
+  hn::Store(box.y_high, di, integer[12]);
+  hn::Store(x0, di, integer[13]);
+  hn::Store(y0, di, integer[14]);
+  hn::Store(s.z0, df, number[0]);
+  hn::Store(s.dzdx, df, number[1]);
+  hn::Store(s.dzdy, df, number[2]);
+  hn::Store(s.low, df, number[3]);
+  hn::Store(s.high, df, number[4]);
+  hn::Store(s.id, du, id);
+  std::uint8_t bits[8] = {};
+  hn::StoreMaskBits(di, large, bits);
+  std::uint32_t rest = static_cast<std::uint32_t>(bits[0]) | static_cast<std::uint32_t>(bits[1])
+                                                                 << 8;
+  static_cast<void>(lanes);
+  for (; rest != 0; rest &= rest - 1) {
+    const int lane = __builtin_ctz(rest);
+    Setup one;
+    for (int k = 0; k < 3; ++k) {
+      one.e[k] = integer[3 * k][lane];
+      one.dx[k] = integer[3 * k + 1][lane];
+      one.dy[k] = integer[3 * k + 2][lane];
+    }
+    one.x_low = integer[9][lane];
+    one.y_low = integer[10][lane];
+    one.x_high = integer[11][lane];
+    one.y_high = integer[12][lane];
+    one.vx = integer[13][lane];
+    one.vy = integer[14][lane];
+    one.z0 = number[0][lane];
+    one.dzdx = number[1][lane];
+    one.dzdy = number[2][lane];
+    one.low = number[3][lane];
+    one.high = number[4][lane];
+    one.id = id[lane];
+    DrawBlocks(one, planes);
+  }
+}
+
+/// Takes one vector of triangles, of which the first `batch` count, to the survivors. Returns the
+/// lanes that need DrawSpecial: sides too long for 32-bit products.
+HWY_INLINE std::uint32_t Cull(Corners c, std::uint32_t first_triangle, std::size_t batch,
+                              std::uint32_t special_lanes, bool double_sided,
+                              Survivors& survivors) {
+  const IntTag di;
+  const auto zero = hn::Zero(di);
+  const auto small = hn::Set(di, element::kSmallUnits - 1);
+  const auto x_min = hn::Min(c.x0, hn::Min(c.x1, c.x2));
+  const auto x_max = hn::Max(c.x0, hn::Max(c.x1, c.x2));
+  const auto y_min = hn::Min(c.y0, hn::Min(c.y1, c.y2));
+  const auto y_max = hn::Max(c.y0, hn::Max(c.y1, c.y2));
+  const Box box = BoxOf(x_min, y_min, x_max, y_max);
+  auto alive = hn::Not(hn::Or(hn::Gt(box.x_low, box.x_high), hn::Gt(box.y_low, box.y_high)));
+  const auto is_large = hn::And(
+      alive, hn::Or(hn::Gt(hn::Sub(x_max, x_min), small), hn::Gt(hn::Sub(y_max, y_min), small)));
+  alive = hn::AndNot(is_large, alive);
+  // sides are under 2^14, so every product below fits 32 bits
+  const auto area = hn::Sub(hn::Mul(hn::Sub(c.x2, c.x0), hn::Sub(c.y1, c.y0)),
+                            hn::Mul(hn::Sub(c.x1, c.x0), hn::Sub(c.y2, c.y0)));
+  if (double_sided) {
+    const auto back = hn::Lt(area, zero);
+    const auto swap = [&](Int& a, Int& b) HWY_ATTR {
+      const Int kept = a;
+      a = hn::IfThenElse(back, b, a);
+      b = hn::IfThenElse(back, kept, b);
+    };
+    swap(c.x1, c.x2);
+    swap(c.y1, c.y2);
+    swap(c.v1, c.v2);
+    alive = hn::And(alive, hn::Ne(area, zero));
+  } else {
+    alive = hn::And(alive, hn::Gt(area, zero));
+  }
+  const auto bits_of = [&](auto mask) HWY_ATTR {
+    std::uint8_t bytes[8] = {};
+    hn::StoreMaskBits(di, mask, bytes);
+    return static_cast<std::uint32_t>(bytes[0]) | static_cast<std::uint32_t>(bytes[1]) << 8;
+  };
+  const std::uint32_t valid = (1U << batch) - 1U;
+  std::uint32_t special = special_lanes;
+  if (!hn::AllFalse(di, is_large)) special |= bits_of(is_large);
+  special &= valid;
+  if (batch < hn::Lanes(di)) alive = hn::And(alive, hn::FirstN(di, batch));
+  if (special != 0) {
+    HWY_ALIGN std::int32_t lane_special[kMaxLanes];
+    for (std::size_t lane = 0; lane < hn::Lanes(di); ++lane) {
+      lane_special[lane] = static_cast<std::int32_t>((special >> lane) & 1U);
+    }
+    alive = hn::And(alive, hn::Eq(hn::Load(di, lane_special), zero));
+  }
+  const std::size_t kept = hn::CountTrue(di, alive);
+  if (kept == 0) return special;
+  const std::size_t at = survivors.count;
+  const auto keep = [&](Int values, std::int32_t* column)
+                        HWY_ATTR { hn::StoreU(hn::Compress(values, alive), di, column + at); };
+  keep(c.x0, survivors.x0);
+  keep(c.y0, survivors.y0);
+  keep(c.x1, survivors.x1);
+  keep(c.y1, survivors.y1);
+  keep(c.x2, survivors.x2);
+  keep(c.y2, survivors.y2);
+  keep(c.v0, survivors.v0);
+  keep(c.v1, survivors.v1);
+  keep(c.v2, survivors.v2);
+  keep(hn::Add(hn::Iota(di, 0), hn::Set(di, static_cast<std::int32_t>(first_triangle))),
+       survivors.triangle);
+  survivors.count = at + kept;
+  return special;
+}
+
+void DrawInstance(const InstanceTriangles& triangles, const Projected& projected,
+                  const BatchVertex* vertices, const SampleGrid& grid, int tile_x, int tile_y,
+                  TilePlanes& planes, TileCounters& counters) {
+  const IntTag di;
+  const UintTag du;
+  const std::size_t lanes = hn::Lanes(di);
   const auto corner_x = hn::Set(di, tile_x * element::kSubUnit);
   const auto corner_y = hn::Set(di, tile_y * element::kSubUnit);
-  const auto zero = hn::Zero(di);
-  const auto last = hn::Set(di, kTileSamples - 1);
-  const auto small = hn::Set(di, element::kSmallUnits - 1);
-  // columns of the survivors of one batch of triangles
-  HWY_ALIGN std::int32_t column[15][kMaxLanes];
-  HWY_ALIGN float number[5][kMaxLanes];
   HWY_ALIGN std::uint32_t index[3][kMaxLanes];
-  std::uint32_t t = 0;
+  Survivors survivors;
   counters.triangles += triangles.count;
-  const auto id_of = [&](std::uint32_t triangle) {
-    return element::sample_id(element::SampleClass::kMesh,
-                              triangles.first_block + triangle / element::kBlockTriangles,
-                              triangle % element::kBlockTriangles);
-  };
-  for (; t < triangles.count; t += static_cast<std::uint32_t>(lanes)) {
+  const std::uint32_t first_id =
+      element::sample_id(element::SampleClass::kMesh, triangles.first_block, 0);
+  static_assert(element::kBlockTriangles == 128, "the triangle's number runs on into the block's");
+  const std::int32_t* xs = projected.x.data();
+  const std::int32_t* ys = projected.y.data();
+  for (std::uint32_t t = 0; t < triangles.count; t += static_cast<std::uint32_t>(lanes)) {
     const std::size_t batch = std::min<std::size_t>(lanes, triangles.count - t);
-    auto i0 = hn::Zero(di), i1 = i0, i2 = i0;
+    Corners c;
     if (batch == lanes) {
       const auto* source =
           reinterpret_cast<const std::int32_t*>(triangles.indices) + 3 * std::size_t{t};
-      hn::LoadInterleaved3(di, source, i0, i1, i2);
+      hn::LoadInterleaved3(di, source, c.v0, c.v1, c.v2);
     } else {
-      // the tail repeats its last triangle, which changes nothing
+      // the tail repeats its last triangle
       for (std::size_t lane = 0; lane < lanes; ++lane) {
         const std::size_t from = 3 * (std::size_t{t} + std::min(lane, batch - 1));
         for (std::size_t k = 0; k < 3; ++k) index[k][lane] = triangles.indices[from + k];
       }
-      i0 = hn::BitCast(di, hn::Load(du, index[0]));
-      i1 = hn::BitCast(di, hn::Load(du, index[1]));
-      i2 = hn::BitCast(di, hn::Load(du, index[2]));
+      c.v0 = hn::BitCast(di, hn::Load(du, index[0]));
+      c.v1 = hn::BitCast(di, hn::Load(du, index[1]));
+      c.v2 = hn::BitCast(di, hn::Load(du, index[2]));
     }
-    const std::int32_t* xs = projected.x.data();
-    const std::int32_t* ys = projected.y.data();
-    const auto raw0 = hn::GatherIndex(di, xs, i0);
-    const auto raw1 = hn::GatherIndex(di, xs, i1);
-    const auto raw2 = hn::GatherIndex(di, xs, i2);
-    auto special = hn::Or(
-        hn::Eq(raw0, hn::Set(di, kNeedsClip)),
-        hn::Or(hn::Eq(raw1, hn::Set(di, kNeedsClip)), hn::Eq(raw2, hn::Set(di, kNeedsClip))));
+    c.x0 = hn::GatherIndex(di, xs, c.v0);
+    c.x1 = hn::GatherIndex(di, xs, c.v1);
+    c.x2 = hn::GatherIndex(di, xs, c.v2);
+    std::uint32_t special = 0;
+    if (triangles.clipped) {
+      const auto needs_clip = hn::Set(di, kNeedsClip);
+      const auto clip = hn::Or(hn::Eq(c.x0, needs_clip),
+                               hn::Or(hn::Eq(c.x1, needs_clip), hn::Eq(c.x2, needs_clip)));
+      std::uint8_t bits[8] = {};
+      hn::StoreMaskBits(di, clip, bits);
+      special = static_cast<std::uint32_t>(bits[0]) | static_cast<std::uint32_t>(bits[1]) << 8;
+    }
     if (triangles.cutout != nullptr) {
-      for (std::size_t lane = 0; lane < lanes; ++lane) {
-        const std::uint8_t flags = triangles.cutout->flags[t + std::min(lane, batch - 1)];
-        index[0][lane] = (flags & kTriangleAlphaCutout) != 0 ? 1U : 0U;
+      for (std::size_t lane = 0; lane < batch; ++lane) {
+        if ((triangles.cutout->flags[t + lane] & kTriangleAlphaCutout) != 0) special |= 1U << lane;
       }
-      special = hn::Or(special, hn::Gt(hn::BitCast(di, hn::Load(du, index[0])), zero));
     }
-    const auto x0 = hn::Sub(raw0, corner_x);
-    auto x1 = hn::Sub(raw1, corner_x);
-    auto x2 = hn::Sub(raw2, corner_x);
-    const auto y0 = hn::Sub(hn::GatherIndex(di, ys, i0), corner_y);
-    auto y1 = hn::Sub(hn::GatherIndex(di, ys, i1), corner_y);
-    auto y2 = hn::Sub(hn::GatherIndex(di, ys, i2), corner_y);
-    const auto x_min = hn::Min(x0, hn::Min(x1, x2)), x_max = hn::Max(x0, hn::Max(x1, x2));
-    const auto y_min = hn::Min(y0, hn::Min(y1, y2)), y_max = hn::Max(y0, hn::Max(y1, y2));
-    const auto rounding = hn::Set(di, kHalf - 1), half_unit = hn::Set(di, kHalf);
-    const auto x_low = hn::Max(zero, hn::ShiftRight<element::kSubBits>(hn::Add(x_min, rounding)));
-    const auto y_low = hn::Max(zero, hn::ShiftRight<element::kSubBits>(hn::Add(y_min, rounding)));
-    const auto x_high = hn::Min(last, hn::ShiftRight<element::kSubBits>(hn::Sub(x_max, half_unit)));
-    const auto y_high = hn::Min(last, hn::ShiftRight<element::kSubBits>(hn::Sub(y_max, half_unit)));
-    auto alive = hn::Not(hn::Or(hn::Gt(x_low, x_high), hn::Gt(y_low, y_high)));
-    const auto large =
-        hn::Or(hn::Gt(hn::Sub(x_max, x_min), small), hn::Gt(hn::Sub(y_max, y_min), small));
-    special = hn::Or(special, hn::And(large, alive));
-    alive = hn::AndNot(special, alive);
-    // sides are under 2^14, so every product below fits 32 bits
-    auto area = hn::Sub(hn::Mul(hn::Sub(x2, x0), hn::Sub(y1, y0)),
-                        hn::Mul(hn::Sub(x1, x0), hn::Sub(y2, y0)));
-    if (triangles.double_sided) {
-      const auto back = hn::Lt(area, zero);
-      const auto sx = x1, sy = y1, si = i1;
-      x1 = hn::IfThenElse(back, x2, x1);
-      y1 = hn::IfThenElse(back, y2, y1);
-      i1 = hn::IfThenElse(back, i2, i1);
-      x2 = hn::IfThenElse(back, sx, x2);
-      y2 = hn::IfThenElse(back, sy, y2);
-      i2 = hn::IfThenElse(back, si, i2);
-      area = hn::Abs(area);
+    c.x0 = hn::Sub(c.x0, corner_x);
+    c.x1 = hn::Sub(c.x1, corner_x);
+    c.x2 = hn::Sub(c.x2, corner_x);
+    c.y0 = hn::Sub(hn::GatherIndex(di, ys, c.v0), corner_y);
+    c.y1 = hn::Sub(hn::GatherIndex(di, ys, c.v1), corner_y);
+    c.y2 = hn::Sub(hn::GatherIndex(di, ys, c.v2), corner_y);
+    special = Cull(c, t, batch, special, triangles.double_sided, survivors);
+    if (survivors.count >= lanes) {
+      survivors.count -= lanes;
+      counters.surviving += lanes;
+      DrawSurvivors(survivors, survivors.count, lanes, projected.depth.data(), first_id, planes);
     }
-    alive = hn::And(alive, hn::Gt(area, zero));
-    if (hn::AllFalse(di, alive) && hn::AllFalse(di, special)) continue;
-
-    if (!hn::AllFalse(di, alive)) {
-      // edges at the low corner of the triangle's own rectangle, where products are small
-      const auto px = hn::Add(hn::ShiftLeft<element::kSubBits>(x_low), half_unit);
-      const auto py = hn::Add(hn::ShiftLeft<element::kSubBits>(y_low), half_unit);
-      const auto edge = [&](auto ax, auto ay, auto bx, auto by, int k) HWY_ATTR {
-        const auto dx = hn::Sub(by, ay), dy = hn::Sub(ax, bx);
-        auto value = hn::Add(hn::Mul(dx, hn::Sub(px, ax)), hn::Mul(dy, hn::Sub(py, ay)));
-        const auto owns = hn::Or(hn::Gt(dx, zero), hn::And(hn::Eq(dx, zero), hn::Gt(dy, zero)));
-        value = hn::Sub(value, hn::IfThenElse(owns, zero, hn::Set(di, 1)));
-        value = hn::ShiftRight<element::kSubBits>(value);
-        // back to the tile's first sample: steps of up to 63 * 2 * 2^14
-        value = hn::Sub(value, hn::Add(hn::Mul(dx, x_low), hn::Mul(dy, y_low)));
-        hn::Store(value, di, column[3 * k]);
-        hn::Store(dx, di, column[3 * k + 1]);
-        hn::Store(dy, di, column[3 * k + 2]);
-      };
-      edge(x0, y0, x1, y1, 0);
-      edge(x1, y1, x2, y2, 1);
-      edge(x2, y2, x0, y0, 2);
-      hn::Store(x_low, di, column[9]);
-      hn::Store(y_low, di, column[10]);
-      hn::Store(x_high, di, column[11]);
-      hn::Store(y_high, di, column[12]);
-      hn::Store(x0, di, column[13]);
-      hn::Store(y0, di, column[14]);
-      const float* depths = projected.depth.data();
-      const auto z0 = hn::GatherIndex(df, depths, i0);
-      const auto z1 = hn::GatherIndex(df, depths, i1);
-      const auto z2 = hn::GatherIndex(df, depths, i2);
-      const auto inverse = hn::Div(hn::Set(df, 1.0F), hn::ConvertTo(df, area));
-      const auto ux = hn::ConvertTo(df, hn::Sub(x1, x0)), uy = hn::ConvertTo(df, hn::Sub(y1, y0));
-      const auto vx = hn::ConvertTo(df, hn::Sub(x2, x0)), vy = hn::ConvertTo(df, hn::Sub(y2, y0));
-      const auto uz = hn::Sub(z1, z0), vz = hn::Sub(z2, z0);
-      hn::Store(z0, df, number[0]);
-      hn::Store(hn::Mul(hn::Sub(hn::Mul(vz, uy), hn::Mul(uz, vy)), inverse), df, number[1]);
-      hn::Store(hn::Mul(hn::Sub(hn::Mul(uz, vx), hn::Mul(vz, ux)), inverse), df, number[2]);
-      hn::Store(hn::Min(z0, hn::Min(z1, z2)), df, number[3]);
-      hn::Store(hn::Max(z0, hn::Max(z1, z2)), df, number[4]);
-    }
-    std::uint8_t bits[8] = {};
-    hn::StoreMaskBits(di, alive, bits);
-    std::uint32_t alive_bits =
-        static_cast<std::uint32_t>(bits[0]) | static_cast<std::uint32_t>(bits[1]) << 8;
-    std::memset(bits, 0, sizeof(bits));
-    hn::StoreMaskBits(di, special, bits);
-    std::uint32_t special_bits =
-        static_cast<std::uint32_t>(bits[0]) | static_cast<std::uint32_t>(bits[1]) << 8;
-    const std::uint32_t valid = batch >= 32 ? ~0U : (1U << batch) - 1U;
-    alive_bits &= valid;
-    special_bits &= valid;
-    counters.surviving += static_cast<std::uint64_t>(__builtin_popcount(alive_bits));
-    while (alive_bits != 0) {
-      const int lane = __builtin_ctz(alive_bits);
-      alive_bits &= alive_bits - 1;
-      Setup s;
-      for (int k = 0; k < 3; ++k) {
-        s.e[k] = column[3 * k][lane];
-        s.dx[k] = column[3 * k + 1][lane];
-        s.dy[k] = column[3 * k + 2][lane];
-      }
-      s.x_low = column[9][lane];
-      s.y_low = column[10][lane];
-      s.x_high = column[11][lane];
-      s.y_high = column[12][lane];
-      s.vx = column[13][lane];
-      s.vy = column[14][lane];
-      s.z0 = number[0][lane];
-      s.dzdx = number[1][lane];
-      s.dzdy = number[2][lane];
-      s.low = number[3][lane];
-      s.high = number[4][lane];
-      s.id = id_of(t + static_cast<std::uint32_t>(lane));
-      DrawBlocks(s, planes);
-    }
-    while (special_bits != 0) {
-      const int lane = __builtin_ctz(special_bits);
-      special_bits &= special_bits - 1;
-      const std::uint32_t triangle = t + static_cast<std::uint32_t>(lane);
-      DrawSpecial(triangles, triangle, id_of(triangle), projected, vertices, grid, tile_x, tile_y,
-                  planes, counters);
+    for (; special != 0; special &= special - 1) {
+      const std::uint32_t triangle = t + static_cast<std::uint32_t>(__builtin_ctz(special));
+      DrawSpecial(triangles, triangle, first_id + triangle, projected, vertices, grid, tile_x,
+                  tile_y, planes, counters);
     }
   }
+  if (survivors.count == 0) return;
+  counters.surviving += survivors.count;
+  // lanes without a triangle repeat a vertex that exists
+  for (std::size_t i = survivors.count; i < lanes; ++i) {
+    survivors.v0[i] = survivors.v1[i] = survivors.v2[i] = survivors.v0[0];
+    survivors.x0[i] = survivors.x1[i] = survivors.x2[i] = 0;
+    survivors.y0[i] = survivors.y1[i] = survivors.y2[i] = 0;
+  }
+  DrawSurvivors(survivors, 0, survivors.count, projected.depth.data(), first_id, planes);
 }
 
 void UpdateCells(TilePlanes& planes) {
