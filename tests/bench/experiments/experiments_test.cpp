@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "bench/experiments/numbers.hpp"
+#include "bench/experiments/quality.hpp"
 #include "bench/experiments/table.hpp"
 #include "bench/experiments/walkthrough.hpp"
 #include "support/temporary_folder.hpp"
@@ -46,6 +47,21 @@ TEST(TableTest, CountsHaveThousandsApart) {
   EXPECT_EQ(grouped(29967), "29,967");
   EXPECT_EQ(grouped(999), "999");
   EXPECT_EQ(grouped(1000), "1,000");
+}
+
+TEST(QuarterTest, MeansAreTakenInLinearLight) {
+  render::Picture picture{4, 4, std::vector<std::uint8_t>(64, 0)};
+  for (std::size_t i = 0; i < 32; ++i) picture.rgbx[i] = 255;  // half white, half black
+  const auto small = quarter(picture);
+  ASSERT_TRUE(small.ok());
+  ASSERT_EQ(small->rgbx.size(), 4u);
+  EXPECT_EQ(small->rgbx[0], 188);  // sRGB of 0.5
+  EXPECT_EQ(small->rgbx[3], 255);
+}
+
+TEST(QuarterTest, RefusesSidesThatAreNoMultiplesOfFour) {
+  EXPECT_TRUE(absl::IsInvalidArgument(
+      quarter(render::Picture{6, 4, std::vector<std::uint8_t>(96)}).status()));
 }
 
 // The published counts of visible instances over the walkthrough, by culling alone.
@@ -163,6 +179,25 @@ TEST(ProgramTest, PaperWritesEveryColumn) {
   }
   EXPECT_GT(row["triangles"]["mean"], 0);
   EXPECT_GT(row["frame_cpu_ms"]["mean"], 0);
+}
+
+TEST(ProgramTest, QualityRisesWithTheBudget) {
+  if (!is_there(kProgram) || !is_there(kCast + "/cast.json")) {
+    GTEST_SKIP() << "throng-bench or the built-in cast is not built";
+  }
+  const test::TemporaryFolder folder;
+  const std::string file = folder.file("quality.json");
+  const Ran ran =
+      run("quality --agents 20 --budgets 0.001 --places 1 --size 160x90 --json " + file);
+  ASSERT_EQ(ran.code, 0) << ran.output;
+  std::ifstream stream(file);
+  const nlohmann::json json = nlohmann::json::parse(stream, nullptr, false);
+  ASSERT_EQ(json["rows"].size(), 2u);
+  const nlohmann::json coarse = json["rows"][0]["quality"], full = json["rows"][1]["quality"];
+  EXPECT_GT(full["near_ssim"], coarse["near_ssim"]);
+  EXPECT_GT(full["near_psnr_db"], coarse["near_psnr_db"]);
+  EXPECT_LE(coarse["near_ssim"], coarse["frame_ssim"]);  // what is far from agents is alike
+  EXPECT_GT(full["flicker"], 0);
 }
 
 TEST(ProgramTest, RasterComparesSevenCases) {

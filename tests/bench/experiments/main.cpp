@@ -36,6 +36,7 @@ constexpr const char* kFooter = R"(Examples:
   throng-bench paper                                  table 2 of Dong & Peng 2019, all budgets
   throng-bench paper --frames 20 --budgets 1,5 --raster gl
   throng-bench paper --size 1920x1080 --json paper.json
+  throng-bench quality --agents 1000 --budgets 0.25,1 --pictures out
   throng-bench raster                                 visibility against OpenGL on llvmpipe
 
 Times are wall and, beside them, of all threads on the processor (CPU): on a machine that others use
@@ -82,9 +83,11 @@ bool parse_size(const std::string& text, render::Viewport& viewport) {
 }
 
 struct Flags {
-  std::string cast, size, raster = "visibility", lod = "dong2019";
+  std::string cast, size, raster = "visibility", lod;
+  bool no_shadows = false;
   Common common;
   PaperOptions paper;
+  QualityOptions quality;
   RasterOptions raster_pairs;
 };
 
@@ -103,6 +106,28 @@ void add_common(CLI::App& command, Flags& flags) {
       ->type_name("FILE");
 }
 
+/// The crowd, what draws it, and how the budget is dealt out.
+void add_crowd(CLI::App& command, Flags& flags, std::uint32_t& agents,
+               std::vector<double>& budgets_million, std::string& camera_path) {
+  command.add_option("--agents", agents, "Instances in the crowd")
+      ->capture_default_str()
+      ->check(CLI::Range(1U, 4'000'000U));
+  command.add_option("--budgets", budgets_million, "Vertex budgets N, in millions")
+      ->delimiter(',')
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 1000.0))
+      ->type_name("N,N,...");
+  command.add_option("--raster", flags.raster, "Rasterizer")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"gl", "visibility"}));
+  command
+      .add_option("--lod", flags.lod,
+                  "Rule that deals out the budget (default: paper dong2019, quality budget)")
+      ->check(CLI::IsMember({"budget", "dong2019"}));
+  command.add_option("--camera", camera_path, "Camera path (default: the bench's own)")
+      ->type_name("FILE");
+}
+
 int run(int argc, char** argv) {
   CLI::App app("throng-bench: published crowd rendering experiments, ours beside theirs.");
   app.footer(kFooter);
@@ -113,25 +138,23 @@ int run(int argc, char** argv) {
   CLI::App* paper =
       app.add_subcommand("paper", "Dong & Peng 2019, table 2: a walkthrough of 30,000");
   add_common(*paper, flags);
-  paper->add_option("--agents", flags.paper.agents, "Instances in the crowd")
-      ->capture_default_str()
-      ->check(CLI::Range(1U, 4'000'000U));
-  paper->add_option("--budgets", flags.paper.budgets_million, "Vertex budgets N, in millions")
-      ->delimiter(',')
-      ->capture_default_str()
-      ->check(CLI::Range(0.0, 1000.0))
-      ->type_name("N,N,...");
+  add_crowd(*paper, flags, flags.paper.agents, flags.paper.budgets_million,
+            flags.paper.camera_path);
   paper->add_option("--frames", flags.paper.frames, "Frames, spread over the walkthrough's 1,000")
       ->capture_default_str()
       ->check(CLI::Range(1U, Walkthrough::kFrames));
-  paper->add_option("--raster", flags.raster, "Rasterizer")
+
+  CLI::App* quality =
+      app.add_subcommand("quality", "PSNR, SSIM and flicker of budgets against full detail");
+  add_common(*quality, flags);
+  add_crowd(*quality, flags, flags.quality.agents, flags.quality.budgets_million,
+            flags.quality.camera_path);
+  quality->add_option("--places", flags.quality.places, "Places of the walkthrough, 2 frames each")
       ->capture_default_str()
-      ->check(CLI::IsMember({"gl", "visibility"}));
-  paper->add_option("--lod", flags.lod, "Rule that deals out the budget")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"budget", "dong2019"}));
-  paper->add_option("--camera", flags.paper.camera_path, "Camera path (default: the bench's own)")
-      ->type_name("FILE");
+      ->check(CLI::Range(1U, 500U));
+  quality->add_flag("--no-shadows", flags.no_shadows, "Draw no contact shadows");
+  quality->add_option("--pictures", flags.quality.pictures, "Write what is compared as PNG")
+      ->type_name("DIR");
 
   CLI::App* raster =
       app.add_subcommand("raster", "Visibility rasterizer against gl on identical buffers");
@@ -147,7 +170,6 @@ int run(int argc, char** argv) {
   raster->add_option("--scale", flags.raster_pairs.scale, "Share of the instances that is drawn")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 1.0));
-
   raster->add_option("--pictures", flags.raster_pairs.pictures, "Write what is compared as PNG")
       ->type_name("DIR");
 
@@ -164,9 +186,13 @@ int run(int argc, char** argv) {
   if (!parse_size(flags.size, flags.common.viewport)) {
     return usage("--size: '" + flags.size + "' must be WxH with 1 to 16384 px a side");
   }
-  flags.paper.raster =
+  flags.paper.raster = flags.quality.raster =
       flags.raster == "gl" ? render::RasterKind::kGl : render::RasterKind::kVisibility;
-  flags.paper.lod = flags.lod == "budget" ? render::LodRule::kBudget : render::LodRule::kDong2019;
+  if (!flags.lod.empty()) {
+    flags.paper.lod = flags.quality.lod =
+        flags.lod == "budget" ? render::LodRule::kBudget : render::LodRule::kDong2019;
+  }
+  flags.quality.shadows = !flags.no_shadows;
   if (flags.cast.empty()) flags.cast = default_cast();
   if (flags.cast.empty()) {
     return usage(
@@ -184,8 +210,10 @@ int run(int argc, char** argv) {
 
   std::signal(SIGINT, on_signal);
   std::signal(SIGTERM, on_signal);
-  const absl::Status status =
-      *raster ? run_raster(flags.common, flags.raster_pairs) : run_paper(flags.common, flags.paper);
+  absl::Status status;
+  if (*paper) status = run_paper(flags.common, flags.paper);
+  if (*quality) status = run_quality(flags.common, flags.quality);
+  if (*raster) status = run_raster(flags.common, flags.raster_pairs);
   if (stop_signal != 0) return 128 + stop_signal;
   return status.ok() ? kOk : fail(status);
 }

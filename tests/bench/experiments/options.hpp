@@ -38,8 +38,22 @@ struct RasterOptions {
   std::string pictures;     // folder for the pictures that are compared, empty: none
 };
 
+struct QualityOptions {
+  std::uint32_t agents = 1000;
+  std::vector<double> budgets_million{0.1, 0.25, 0.5, 1, 2};
+  std::uint32_t places = 4;  // of the walkthrough, two consecutive frames each
+  render::RasterKind raster = render::RasterKind::kVisibility;
+  render::LodRule lod = render::LodRule::kBudget;
+  bool shadows = true;
+  std::string pictures;  // folder, empty: none
+  std::string camera_path;
+};
+
 /// Dong & Peng 2019, table 2.
 absl::Status run_paper(const Common& common, const PaperOptions& options);
+
+/// PSNR, SSIM and flicker of budgets (design: quality is measured).
+absl::Status run_quality(const Common& common, const QualityOptions& options);
 
 /// Visibility against gl on identical buffers. DataLoss when pictures differ beyond the limits.
 absl::Status run_raster(const Common& common, const RasterOptions& options);

@@ -1,0 +1,189 @@
+#include "bench/experiments/quality.hpp"
+
+#include <absl/strings/str_cat.h>
+
+#include <array>
+#include <cmath>
+
+#include "throng/render/quality.hpp"
+
+namespace throng::bench {
+namespace {
+
+constexpr std::uint32_t kReferenceScale = 4;
+constexpr std::uint32_t kNearPx = 8;
+
+/// sRGB to linear for all 256 values.
+const std::array<float, 256>& linear_table() {
+  static const std::array<float, 256> table = [] {
+    std::array<float, 256> made{};
+    for (std::size_t i = 0; i < made.size(); ++i) {
+      const double value = static_cast<double>(i) / 255.0;
+      made[i] = static_cast<float>(value <= 0.04045 ? value / 12.92
+                                                    : std::pow((value + 0.055) / 1.055, 2.4));
+    }
+    return made;
+  }();
+  return table;
+}
+
+std::uint8_t encode(float linear) {
+  const double value = linear <= 0.0031308F
+                           ? 12.92 * static_cast<double>(linear)
+                           : 1.055 * std::pow(static_cast<double>(linear), 1.0 / 2.4) - 0.055;
+  return static_cast<std::uint8_t>(std::lround(255.0 * std::min(std::max(value, 0.0), 1.0)));
+}
+
+}  // namespace
+
+nlohmann::ordered_json Quality::json() const {
+  if (near_ssim.count == 0) return nullptr;
+  return {{"frames", near_ssim.count},
+          {"near_psnr_db", near_psnr_db.mean()},
+          {"near_ssim", near_ssim.mean()},
+          {"near_ssim_min", near_ssim.min},
+          {"frame_psnr_db", frame_psnr_db.mean()},
+          {"frame_ssim", frame_ssim.mean()},
+          {"flicker", flicker.mean()}};
+}
+
+absl::StatusOr<render::Picture> quarter(const render::Picture& picture) {
+  if (picture.width_px % kReferenceScale != 0 || picture.height_px % kReferenceScale != 0) {
+    return absl::InvalidArgumentError(absl::StrCat("quarter: a picture of ", picture.width_px, "x",
+                                                   picture.height_px,
+                                                   " px, sides must be multiples of 4"));
+  }
+  const std::array<float, 256>& linear = linear_table();
+  render::Picture result;
+  result.width_px = picture.width_px / kReferenceScale;
+  result.height_px = picture.height_px / kReferenceScale;
+  result.rgbx.resize(std::size_t{4} * result.width_px * result.height_px, 255);
+  for (std::size_t y = 0; y < result.height_px; ++y) {
+    for (std::size_t x = 0; x < result.width_px; ++x) {
+      float sum[3] = {0, 0, 0};
+      for (std::size_t dy = 0; dy < kReferenceScale; ++dy) {
+        const std::uint8_t* row =
+            &picture
+                 .rgbx[4 * ((y * kReferenceScale + dy) * picture.width_px + x * kReferenceScale)];
+        for (std::size_t k = 0; k < kReferenceScale * 4; ++k) {
+          if (k % 4 != 3) sum[k % 4] += linear[row[k]];
+        }
+      }
+      for (std::size_t c = 0; c < 3; ++c) {
+        result.rgbx[4 * (y * result.width_px + x) + c] =
+            encode(sum[c] / (kReferenceScale * kReferenceScale));
+      }
+    }
+  }
+  return result;
+}
+
+absl::StatusOr<std::vector<std::uint8_t>> covered_pixels(render::FramePipeline& pipeline,
+                                                         const render::Crowd& crowd,
+                                                         std::int64_t time_us,
+                                                         render::ViewSettings view) {
+  render::Look& look = view.look;
+  look.ground = look.shadows = look.color_by_channel = false;
+  look.sky_color = look.ground_light = look.horizon_color = glm::vec3(0.0F);
+  look.sun_color = glm::vec3(100.0F);
+  std::vector<std::uint8_t> covered(std::size_t{view.viewport.width_px} * view.viewport.height_px);
+  render::Picture picture;
+  render::FrameStats stats;
+  // light reaches past the edge of the shade, so that every normal is lit from one side or the
+  // other
+  for (const float side : {1.0F, -1.0F}) {
+    look.sun_direction_world = side * glm::vec3(0.45F, -0.55F, 0.70F);
+    if (auto status = pipeline.render(crowd, time_us, view, picture, stats); !status.ok()) {
+      return status;
+    }
+    for (std::size_t i = 0; i < covered.size(); ++i) {
+      const std::uint8_t* p = &picture.rgbx[4 * i];
+      if ((p[0] | p[1] | p[2]) != 0) covered[i] = 1;
+    }
+  }
+  return covered;
+}
+
+absl::StatusOr<Reference> Reference::make(std::shared_ptr<const render::Cast> cast,
+                                          unsigned threads, render::RasterKind raster) {
+  auto pipeline = render::FramePipeline::make(cast, {.raster = raster, .threads = threads});
+  if (!pipeline.ok()) return pipeline.status();
+  Reference reference;
+  reference.cast_ = std::move(cast);
+  reference.pipeline_ = *std::move(pipeline);
+  return reference;
+}
+
+absl::StatusOr<Reference::Frame> Reference::draw(const render::Crowd& crowd, std::int64_t time_us,
+                                                 const render::ViewSettings& view) {
+  render::ViewSettings full = view;
+  full.selection.rule = render::LodRule::kBudget;
+  full.selection.vertex_budget = 0;
+  render::Picture large;
+  render::FrameStats stats;
+
+  // first the coarsest level at small size: how many are in view, so what the full detail would
+  // need
+  full.viewport = {16 * view.viewport.width_px / std::max(view.viewport.height_px, 1U), 16};
+  if (auto status = pipeline_->render(crowd, time_us, full, large, stats); !status.ok()) {
+    return status;
+  }
+  double most_vertices = 0;
+  for (const render::CastMember& member : cast_->members) {
+    most_vertices = std::max(most_vertices, double{1} * member.character.vertex_count());
+  }
+  // a vertex as it is stored and as it is projected, and two triangles of three indices
+  constexpr double kVertexBytes = 24 + 24 + 2 * 12;
+  constexpr double kLimitBytes = 6.0 * (1ULL << 30);
+  const double bytes = stats.counters.visible * most_vertices * kVertexBytes;
+  if (bytes > kLimitBytes) {
+    return absl::ResourceExhaustedError(absl::StrCat(
+        "reference: ", stats.counters.visible, " agents in view at full detail need up to ",
+        static_cast<std::uint64_t>(bytes * 1e-9), " GB, the limit is 6; use fewer agents"));
+  }
+
+  full.selection.vertex_budget = ~std::uint64_t{0} >> 16;
+  full.viewport = {kReferenceScale * view.viewport.width_px,
+                   kReferenceScale * view.viewport.height_px};
+  if (auto status = pipeline_->render(crowd, time_us, full, large, stats); !status.ok()) {
+    return status;
+  }
+  auto small = quarter(large);
+  if (!small.ok()) return small.status();
+  full.viewport = view.viewport;
+  auto covered = covered_pixels(*pipeline_, crowd, time_us, full);
+  if (!covered.ok()) return covered.status();
+  return Frame{*std::move(small), *std::move(covered)};
+}
+
+absl::Status judge(const std::array<Reference::Frame, 2>& frames,
+                   const std::array<Reference::Frame, 2>& references, Quality& quality) {
+  const std::uint32_t width_px = frames[0].picture.width_px;
+  const std::uint32_t height_px = frames[0].picture.height_px;
+  std::vector<std::uint8_t> both;  // near an agent in either frame
+  for (int i : {0, 1}) {
+    auto near =
+        render::pixels_near(frames[i].covered, references[i].covered, width_px, height_px, kNearPx);
+    if (!near.ok()) return near.status();
+    const auto around = render::compare_pictures(frames[i].picture, references[i].picture, *near);
+    if (!around.ok()) return around.status();
+    const auto whole = render::compare_pictures(frames[i].picture, references[i].picture);
+    if (!whole.ok()) return whole.status();
+    quality.near_psnr_db.add(around->psnr_db);
+    quality.near_ssim.add(around->ssim);
+    quality.frame_psnr_db.add(whole->psnr_db);
+    quality.frame_ssim.add(whole->ssim);
+    if (both.empty()) {
+      both = *std::move(near);
+    } else {
+      for (std::size_t p = 0; p < both.size(); ++p) both[p] |= (*near)[p];
+    }
+  }
+  const auto flicker = render::flicker(frames[0].picture, frames[1].picture, references[0].picture,
+                                       references[1].picture, both);
+  if (!flicker.ok()) return flicker.status();
+  quality.flicker.add(*flicker);
+  return absl::OkStatus();
+}
+
+}  // namespace throng::bench

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "bench/experiments/numbers.hpp"
+#include "throng/render/frame.hpp"
+#include "throng/render/picture.hpp"
+
+namespace throng::bench {
+
+/// Means over the frames that were judged. `near`: pixels within 8 px of an agent in either
+/// picture.
+struct Quality {
+  Range near_psnr_db, near_ssim, frame_psnr_db, frame_ssim, flicker;
+  nlohmann::ordered_json json() const;
+};
+
+/// A picture four times as wide and high brought to its size: means of 4x4 pixels in linear light.
+/// InvalidArgument when a side is no multiple of 4.
+absl::StatusOr<render::Picture> quarter(const render::Picture& picture);
+
+/// Pixels that agents cover at least in part, as 1 and 0 [height][width]: drawn twice on black, lit
+/// from two sides.
+absl::StatusOr<std::vector<std::uint8_t>> covered_pixels(render::FramePipeline& pipeline,
+                                                         const render::Crowd& crowd,
+                                                         std::int64_t time_us,
+                                                         render::ViewSettings view);
+
+/// The reference of every quality number: each agent at full detail in its own pose, no sharing, no
+/// occlusion culling, every pixel a mean of 16 shaded ones (in linear light) of 4 samples each.
+/// The processor's visibility rasterizer draws it; it gives the same bytes for every instruction
+/// set, the plain one included.
+class Reference {
+ public:
+  static absl::StatusOr<Reference> make(
+      std::shared_ptr<const render::Cast> cast, unsigned threads,
+      render::RasterKind raster = render::RasterKind::kVisibility);
+
+  struct Frame {
+    render::Picture picture;
+    std::vector<std::uint8_t> covered;
+  };
+  /// ResourceExhausted where the agents in view at full detail would need over 6 GiB.
+  absl::StatusOr<Frame> draw(const render::Crowd& crowd, std::int64_t time_us,
+                             const render::ViewSettings& view);
+
+ private:
+  std::shared_ptr<const render::Cast> cast_;
+  std::shared_ptr<render::FramePipeline> pipeline_;
+};
+
+/// Two consecutive frames of one configuration against the reference's.
+absl::Status judge(const std::array<Reference::Frame, 2>& frames,
+                   const std::array<Reference::Frame, 2>& references, Quality& quality);
+
+}  // namespace throng::bench
