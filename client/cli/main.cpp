@@ -113,6 +113,11 @@ int main(int argc, char** argv) {
       "Exit codes: 0 done, 1 failure, 2 usage, 3 bad input, 130 and 143 interrupted.");
 
   CLI::App* publish_app = app.add_subcommand("publish", "Play a trajectory file to a crowd");
+  publish_app->footer(
+      "Examples:\n"
+      "  throng publish run.sqlite --crowd station --loop\n"
+      "  throng publish walk.txt --crowd lab --source-fps 16 --source-unit cm --rate 2\n"
+      "  throng publish city.csv --crowd city --wait 60 --take-over --seed 7");
   publish_app->add_option("file", publish.file, "JuPedSim sqlite, archive text, CSV, ...")
       ->required();
   publish_app->add_option("--crowd", publish.crowd, "Name of the crowd")->required();
@@ -138,25 +143,43 @@ int main(int argc, char** argv) {
       ->required();
   record_app->add_option("--seconds", record.seconds, "Length")->check(CLI::PositiveNumber);
   record_app->add_option("--frames", record.frames, "Number of frames")->check(CLI::PositiveNumber);
-  record_app->footer("Without --seconds and --frames it ends after the producer has left.");
+  record_app->footer(
+      "Without --seconds and --frames it ends after the producer has left.\n"
+      "Examples:\n"
+      "  throng record --crowd station -o station.mp4 --seconds 10 --fps 25\n"
+      "  throng record --crowd station -o frames/####.jpg --camera \"0,-20,8:0,0,1\" --frames 30\n"
+      "  throng record --crowd station -o speed.mp4 --channel speed --channel-high 2");
 
   CLI::App* snapshot_app = app.add_subcommand("snapshot", "One picture of a crowd, now or earlier");
   add_view(*snapshot_app, snapshot.view, snapshot_size);
   snapshot_app->add_option("-o,--output", snapshot.output, "one.png or one.jpg")->required();
   snapshot_app->add_option("--time", snapshot.time_s, "Scene time in seconds (default: now)")
       ->check(CLI::Range(-1e9, 1e9));
-  snapshot_app->footer("throng snapshot --crowd station --time 12.5 -o station.png");
+  snapshot_app->footer(
+      "Examples:\n"
+      "  throng snapshot --crowd station -o station.png --size 1920x1080\n"
+      "  throng snapshot --crowd station -o then.jpg --time 12.5 --vertex-budget 3000000");
 
   CLI::App* watch_app = app.add_subcommand("watch", "One line a second about what a viewer gets");
   add_view(*watch_app, watch, watch_size);
   add_rate(*watch_app, watch);
+  watch_app->footer(
+      "Examples:\n"
+      "  throng watch --crowd station\n"
+      "  throng watch --crowd station --size 1280x720 --seconds 10");
   watch_app->add_option("--seconds", watch_seconds, "Length")->check(CLI::PositiveNumber);
 
   CLI::App* crowds_app = app.add_subcommand("crowds", "List the crowds of a server");
+  crowds_app->footer("Examples:\n  throng crowds\n  throng crowds --json --server host:7447");
   crowds_app->add_flag("--json", crowds_json, "As JSON");
 
   CLI::App* info_app =
       app.add_subcommand("info", "What a server offers, or what a trajectory file holds");
+  info_app->footer(
+      "Examples:\n"
+      "  throng info\n"
+      "  throng info run.sqlite --json\n"
+      "  throng info walk.txt --source-fps 16 --source-unit cm");
   info_app->add_option("file", info_file, "Trajectory file (none: ask the server)");
   info_app->add_flag("--json", info_json, "As JSON");
   add_reading(*info_app, info_read, info_unit, info_z);
@@ -174,11 +197,14 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0.001, 10000.0));
   add_reading(*convert_app, convert.read, convert_unit, convert_z);
   convert_app->footer(
-      "throng convert fcd.xml.gz walk.csv\n"
-      "throng convert walk.txt walk.sqlite --source-fps 16 --source-unit cm");
+      "Examples:\n"
+      "  throng convert fcd.xml.gz walk.csv\n"
+      "  throng convert walk.txt walk.sqlite --source-fps 16 --source-unit cm\n"
+      "  throng convert run.sqlite run.dat --to archive-text");
 
   CLI::App* doctor_app =
       app.add_subcommand("doctor", "What this machine and the server can draw with");
+  doctor_app->footer("Examples:\n  throng doctor\n  throng doctor --json --server host:7447");
   doctor_app->add_flag("--json", doctor_json, "As JSON");
 
   try {

@@ -74,7 +74,7 @@ void show_progress(std::uint32_t done, std::uint32_t total, const std::string& p
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("throng-render: turns a trajectory file into pictures of a walking crowd.");
+  CLI::App app{"Turns a trajectory file into pictures of a walking crowd.", "throng-render"};
   app.footer(kFooter);
   app.set_version_flag("--version", "throng-render " THRONG_VERSION);
   BatchJob job;

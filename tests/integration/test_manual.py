@@ -1,0 +1,58 @@
+"""Manual pages and shell completion are made from the programs' own --help."""
+
+import re
+import shutil
+import subprocess
+
+import pytest
+from conftest import BUILD, ROOT
+
+COMPLETION = ROOT / "deploy/completion/throng.bash"
+
+
+@pytest.fixture(scope="session")
+def pages(tmp_path_factory):
+    if shutil.which("help2man") is None:
+        pytest.skip("help2man is not installed")
+    folder = tmp_path_factory.mktemp("man")
+    subprocess.run([ROOT / "deploy/manual", BUILD / "bin", folder], check=True)
+    return folder
+
+
+def test_every_option_of_every_program_is_in_its_page(pages):
+    found = sorted(path.stem for path in pages.iterdir())
+    assert {"throng", "throng-server", "throng-render", "throng-bake", "throng-publish"} <= set(found)
+    for name in found:
+        program, _, subcommand = name.partition("-") if name.startswith("throng-") else (name, "", "")
+        command = [name] if (BUILD / "bin" / name).exists() else None
+        if command is None:
+            parent = max((p for p in ("throng", "throng-bake") if name.startswith(p + "-")), key=len)
+            command = [parent, name[len(parent) + 1:]]
+        text = subprocess.run([BUILD / "bin" / command[0], *command[1:], "--help"], capture_output=True, text=True).stdout
+        page = (pages / f"{name}.1").read_text().replace("\\-", "-")
+        options = re.findall(r"^  (?:-\w,)?(--[\w-]+)", text, re.MULTILINE)
+        assert options and all(option in page for option in options), name
+        assert ".SH NAME" in page
+
+
+def test_every_subcommand_of_throng_shows_examples_with_its_name(program):
+    names = re.findall(r"^  ([a-z]+) ", program("throng", "--help").stdout.split("Subcommands:")[1].split("Examples:")[0], re.MULTILINE)
+    assert len(names) >= 8
+    for name in names:
+        text = program("throng", name, "--help").stdout
+        assert f"Examples:\n  throng {name}" in text, name
+
+
+def complete(*words):
+    quoted = " ".join(f"'{word}'" for word in words)
+    script = f"""source {COMPLETION}; COMP_WORDS=({quoted}); COMP_CWORD={len(words) - 1}
+        _throng '{BUILD}/bin/{words[0]}'; printf '%s\\n' "${{COMPREPLY[@]}}" """
+    return subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True).stdout.split()
+
+
+def test_completion_offers_subcommands_options_and_words():
+    assert complete("throng", "re") == ["record"]
+    assert "--source-fps" in complete("throng", "publish", "--so")
+    assert "--crowd" not in complete("throng", "--cr")
+    assert complete("throng-render", "--raster", "vi") == ["visibility"]
+    assert complete("throng-server", "--listen", "") == []
