@@ -11,6 +11,7 @@
 #include "simplify/bake/export_obj.hpp"
 #include "simplify/bake/inspect.hpp"
 #include "simplify/bake/jobs.hpp"
+#include "simplify/report/report.hpp"
 
 namespace {
 
@@ -40,6 +41,7 @@ constexpr const char* kFooter = R"(Examples:
   throng-bake giant.glb --height 1.75 -o cast       scales to the height of a person
   throng-bake plain.glb --clips moves.glb -o cast   takes clips from another file
   throng-bake inspect cast/guest.throng --json
+  throng-bake report cast -o report                 pictures and figures of every level
   throng-bake export cast/guest.throng --vertices 200 -o lod.obj
 
 Inputs that did not change since they were baked into the folder are left alone.
@@ -48,6 +50,7 @@ Exit codes: 0 done, 1 internal error, 2 usage, 3 an input is bad (the others are
 /// One line that is written over on a terminal; nothing elsewhere.
 class ProgressLine {
  public:
+  explicit ProgressLine(const char* what) : what_(what) {}
   void clear() {
     if (is_terminal_ && shown_ >= 0) std::fputs("\r\033[K", stderr);
     shown_ = -1;
@@ -56,17 +59,18 @@ class ProgressLine {
     const int percent = static_cast<int>(share * 100.0F);
     if (!is_terminal_ || percent == shown_) return;
     shown_ = percent;
-    std::fprintf(stderr, "\rbaking %3d %%", percent);
+    std::fprintf(stderr, "\r%s %3d %%", what_, percent);
     std::fflush(stderr);
   }
 
  private:
+  const char* what_;
   bool is_terminal_ = ::isatty(STDERR_FILENO) != 0;
   int shown_ = -1;
 };
 
 int run_bake(throng::simplify::JobOptions& options) {
-  ProgressLine progress;
+  ProgressLine progress("baking");
   options.say = [&](const std::string& line) {
     progress.clear();
     std::fprintf(stderr, "%s\n", line.c_str());
@@ -97,6 +101,22 @@ int run_inspect(const std::vector<std::string>& paths, bool as_json) {
     std::fputs(text.c_str(), stdout);
   }
   return code;
+}
+
+int run_report(throng::simplify::ReportOptions& options, bool as_json) {
+  ProgressLine progress("measuring");
+  options.say = [&](const std::string& line) {
+    progress.clear();
+    std::fprintf(stderr, "%s\n", line.c_str());
+  };
+  options.on_progress = [&](float share) { progress.show(share); };
+  const auto result = throng::simplify::write_report(options);
+  progress.clear();
+  if (!result.ok()) return fail(result.status());
+  if (as_json) std::fputs(throng::simplify::report_json(*result).c_str(), stdout);
+  std::fprintf(stderr, "%zu characters in %.1f s; see %s/index.html\n", result->characters.size(),
+               result->seconds, options.folder.c_str());
+  return result->errors.empty() ? kOk : kBadInput;
 }
 
 int run_export(const std::string& path, std::uint32_t vertices, const std::string& out) {
@@ -159,6 +179,33 @@ int main(int argc, char** argv) {
   export_level->add_option("--vertices", vertices, "At most so many vertices (default: all)");
   export_level->add_option("-o,--out", exported_to, "OBJ file to write")->required();
 
+  CLI::App* report =
+      app.add_subcommand("report", "Measures every level of baked characters, and shows them");
+  throng::simplify::ReportOptions report_options;
+  report_options.jobs = std::max(1U, std::thread::hardware_concurrency());
+  report_options.python = "python3";
+  bool report_json = false;
+  report->add_option("cast", report_options.inputs, "Folder of a cast, or .throng files")
+      ->required();
+  report->add_option("-o,--out", report_options.folder, "Folder of the report")->required();
+  report->add_option("--characters", report_options.characters, "Only these, by name")
+      ->delimiter(',');
+  report->add_option("--views", report_options.measure.views, "Views around each pose")
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
+  report->add_option("--poses", report_options.measure.poses, "Poses of each character")
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
+  report
+      ->add_option("--meshoptimizer", report_options.python,
+                   "Python that has the package meshoptimizer, for its attribute-aware\n"
+                   "simplification; '' leaves it out")
+      ->capture_default_str();
+  report->add_option("-j,--jobs", report_options.jobs, "Characters measured at a time")
+      ->check(CLI::Range(1, 256))
+      ->capture_default_str();
+  report->add_flag("--json", report_json, "Writes the summary as JSON to standard output, too");
+
   try {
     app.parse(argc, argv);
     if (app.get_subcommands().empty()) {
@@ -173,6 +220,7 @@ int main(int argc, char** argv) {
   if (criterion == "peng2011") options.bake.criterion = throng::simplify::Criterion::kPeng2011;
 
   if (*inspect) return run_inspect(inspected, as_json);
+  if (*report) return run_report(report_options, report_json);
   if (*export_level)
     return run_export(exported, vertices == 0 ? 0xFFFFFFFFU : vertices, exported_to);
   return run_bake(options);

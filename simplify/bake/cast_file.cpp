@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -41,6 +42,8 @@ absl::StatusOr<CastFile> CastFile::open(const std::string& folder) {
                                                            : std::string();
     };
     CastEntry known{text("name"), text("file"), text("source"), text("tool")};
+    if (entry.contains("bake_s") && entry["bake_s"].is_number())
+      known.bake_s = entry["bake_s"].get<double>();
     if (known.name.empty()) known.name = std::filesystem::path(known.file).stem().string();
     cast.entries_.push_back(std::move(known));
   }
@@ -78,6 +81,7 @@ absl::Status CastFile::save() const {
     written["name"] = entry.name;
     written["source"] = entry.source;
     written["tool"] = entry.tool;
+    if (entry.bake_s >= 0.0) written["bake_s"] = std::round(entry.bake_s * 100.0) / 100.0;
     characters.push_back(std::move(written));
   }
   json["characters"] = std::move(characters);

@@ -11,9 +11,10 @@ namespace throng::simplify {
 /// What throng-bake knows of a member of a cast; the rest of its entry belongs to the user.
 struct CastEntry {
   std::string name;
-  std::string file;    // in the cast's folder
-  std::string source;  // content hash of the input
-  std::string tool;    // program and settings
+  std::string file;      // in the cast's folder
+  std::string source;    // content hash of the input
+  std::string tool;      // program and settings
+  double bake_s = -1.0;  // seconds from reading the input to the checked mesh; negative: not known
 };
 
 /// A folder's cast.json while it is extended. Weights, clip overrides and whatever else users wrote

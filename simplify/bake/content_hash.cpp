@@ -9,6 +9,8 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "simplify/bake/code_hash.hpp"
+
 namespace throng::simplify {
 namespace {
 
@@ -42,11 +44,8 @@ absl::StatusOr<std::string> read_file(const std::filesystem::path& path) {
 
 }  // namespace
 
-absl::StatusOr<std::string> tool_version(const BakeOptions& options) {
-  // the built-in cast is a part of the program, too
-  static const absl::StatusOr<std::string> program = hash_input("/proc/self/exe");
-  if (!program.ok()) return program.status();
-  return absl::StrCat("throng-bake ", THRONG_VERSION, " ", *program, " ",
+std::string tool_version(const BakeOptions& options) {
+  return absl::StrCat("throng-bake ", THRONG_VERSION, " ", kBakeCode, " ",
                       options.criterion == Criterion::kPeng2011 ? "peng2011" : "throng", " poses ",
                       options.max_poses, " coarsest ", options.coarsest_count, " height ",
                       options.height_m, " texture ", options.rebuild.max_texture_px);

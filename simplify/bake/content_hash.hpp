@@ -8,8 +8,9 @@
 
 namespace throng::simplify {
 
-/// Says which program (by the hash of its file) bakes with which settings: another one bakes again.
-absl::StatusOr<std::string> tool_version(const BakeOptions& options);
+/// Says which code (by the hash of the libraries that bake, the built-in cast among them) bakes
+/// with which settings: another one bakes again.
+std::string tool_version(const BakeOptions& options);
 
 /// Hash of a file's bytes and of those of the buffers and images a .gltf names, in hexadecimal.
 /// NotFound names the file.

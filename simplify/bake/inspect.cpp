@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <unordered_set>
 
+#include "simplify/bake/levels.hpp"
+
 namespace throng::simplify {
 namespace {
 
@@ -38,15 +40,10 @@ struct Level {
 
 std::vector<Level> levels_of(const render::Character& character) {
   std::vector<Level> levels;
-  const std::pair<const char*, float> shares[] = {{"full", 1.0F},  {"50 %", 0.5F},
-                                                  {"25 %", 0.25F}, {"10 %", 0.1F},
-                                                  {"5 %", 0.05F},  {"coarsest", 0.0F}};
-  for (const auto& [name, share] : shares) {
-    const auto wanted =
-        static_cast<std::uint32_t>(share * static_cast<float>(character.vertex_count()) + 0.5F);
-    const std::uint32_t n = character.legal_count[std::max(wanted, character.coarsest_count)];
+  for (const LevelSpec& spec : kLevelSpecs) {
+    const std::uint32_t n = level_vertices(character, spec.share);
     const float error_m = n < character.vertex_count() ? character.collapse_error_m[n] : 0.0F;
-    levels.push_back({name, n, character.triangle_count_at[n], error_m});
+    levels.push_back({spec.name, n, character.triangle_count_at[n], error_m});
   }
   return levels;
 }

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <filesystem>
 #include <mutex>
 #include <set>
@@ -106,9 +107,7 @@ class Runner {
 
   absl::Status bake_one(std::size_t index) {
     const Job& job = jobs_[index];
-    auto tool = tool_version(options_.bake);
-    if (!tool.ok()) return tool.status();
-    CastEntry entry{job.name, job.name + ".throng", "", *tool};
+    CastEntry entry{job.name, job.name + ".throng", "", tool_version(options_.bake)};
     if (job.path.empty()) {
       entry.source = "builtin";
     } else {
@@ -128,6 +127,7 @@ class Runner {
       say(absl::StrCat(job.name, ": unchanged"));
       return absl::OkStatus();
     }
+    const auto begin = std::chrono::steady_clock::now();
     absl::StatusOr<SourceCharacter> source = load(job, options_);
     if (!source.ok()) return source.status();
     source->name = job.name;
@@ -146,6 +146,7 @@ class Runner {
           absl::StrCat("baked character is broken: ", character.status().message()));
     }
     if (auto status = check_levels(*character); !status.ok()) return status;
+    entry.bake_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     if (auto status = render::write_character(*character, path); !status.ok()) return status;
 
     const std::lock_guard lock(mutex_);

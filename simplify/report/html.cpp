@@ -1,0 +1,287 @@
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
+
+#include "simplify/report/report.hpp"
+
+namespace throng::simplify {
+namespace {
+
+constexpr const char* kStyle = R"(
+:root { color-scheme: light dark; --line: #8884; --worse: #c0392b; --quiet: #777; }
+body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 1180px; padding: 0 1rem; }
+h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin: 2.2rem 0 .4rem; }
+p { margin: .4rem 0; max-width: 72ch; }
+table { border-collapse: collapse; margin: .6rem 0; font-variant-numeric: tabular-nums; }
+th, td { text-align: right; padding: .12rem .6rem; border-bottom: 1px solid var(--line); white-space: nowrap; }
+th { font-weight: 600; color: var(--quiet); } th:first-child, td:first-child, td.words { text-align: left; }
+tr.first td { border-top: 2px solid var(--line); }
+.worse { color: var(--worse); font-weight: 600; }
+.scroll { overflow-x: auto; } img { max-width: 100%; border-radius: 6px; border: 1px solid var(--line); }
+.quiet { color: var(--quiet); } details { margin: .5rem 0; } summary { cursor: pointer; }
+)";
+
+std::string escaped(const std::string& text) {
+  std::string html;
+  for (const char c : text) {
+    switch (c) {
+      case '&':
+        html += "&amp;";
+        break;
+      case '<':
+        html += "&lt;";
+        break;
+      case '>':
+        html += "&gt;";
+        break;
+      case '"':
+        html += "&quot;";
+        break;
+      default:
+        html += c;
+    }
+  }
+  return html;
+}
+
+/// Smaller differences than these are shown as equal.
+constexpr double kOverlapStep = 5.0e-4, kPsnrStep = 0.05, kSsimStep = 5.0e-4, kHausdorffStep = 0.05;
+
+std::string cell(const std::string& text, bool is_worse) {
+  return absl::StrCat(is_worse ? "<td class=\"worse\">" : "<td>", text, "</td>");
+}
+
+const SummaryRow* find(const std::vector<SummaryRow>& rows, std::uint32_t level, Method method) {
+  for (const SummaryRow& row : rows) {
+    if (row.level == level && row.method == method) return &row;
+  }
+  return nullptr;
+}
+
+struct Measure {
+  const char* name;
+  double SummaryRow::Figures::*value;
+  double step;  // positive: more is better, negative: less is
+  const char* format;
+};
+const Measure kMeasures[] = {
+    {"silhouette overlap", &SummaryRow::Figures::overlap, kOverlapStep, "%.3f"},
+    {"PSNR", &SummaryRow::Figures::psnr_db, kPsnrStep, "%.2f dB"},
+    {"SSIM", &SummaryRow::Figures::ssim, kSsimStep, "%.4f"},
+    {"Hausdorff distance", &SummaryRow::Figures::hausdorff_percent, -kHausdorffStep, "%.2f %%"}};
+
+bool is_worse(double ours, double theirs, double step) {
+  return step > 0.0 ? ours < theirs - step : ours > theirs - step;
+}
+
+std::string format(const char* pattern, double value) {
+  char text[64];
+  std::snprintf(text, sizeof(text), pattern, value);
+  return text;
+}
+
+void add_summary(const std::vector<SummaryRow>& rows, std::string& html) {
+  absl::StrAppend(
+      &html,
+      "<div class=\"scroll\"><table><tr><th>level</th><th>method</th><th>triangles<br><span "
+      "class=\"quiet\">to throng</span></th>");
+  for (const char* of : {"median", "worst pose"}) {
+    for (const char* what : {"overlap", "PSNR dB", "SSIM", "Hausdorff %"})
+      absl::StrAppend(&html, "<th>", what, "<br><span class=\"quiet\">", of, "</span></th>");
+  }
+  absl::StrAppend(
+      &html, "<th>throng no worse<br><span class=\"quiet\">SSIM, characters</span></th></tr>\n");
+  for (const SummaryRow& row : rows) {
+    const bool is_ours = row.method == Method::kThrong;
+    absl::StrAppend(&html, is_ours ? "<tr class=\"first\">" : "<tr>", "<td>",
+                    is_ours ? kLevelSpecs[row.level].name : "", "</td><td class=\"words\">",
+                    method_name(row.method), "</td>",
+                    cell(absl::StrFormat("%.2f", row.triangle_ratio), false));
+    for (const SummaryRow::Figures* f : {&row.median, &row.worst_pose})
+      absl::StrAppendFormat(&html, "<td>%.3f</td><td>%.2f</td><td>%.4f</td><td>%.2f</td>",
+                            f->overlap, f->psnr_db, f->ssim, f->hausdorff_percent);
+    if (is_ours) {
+      html += "<td></td></tr>\n";
+    } else {
+      absl::StrAppendFormat(&html, "<td>%u of %u</td></tr>\n", row.at_least_as_good,
+                            row.characters);
+    }
+  }
+  html += "</table></div>\n";
+}
+
+/// Where the goal isn't met, in words.
+void add_verdict(const std::vector<SummaryRow>& rows, std::string& html) {
+  std::string losses;
+  bool has_rival = false;
+  for (std::uint32_t level = 1; level < kLevelSpecs.size(); ++level) {
+    const SummaryRow* ours = find(rows, level, Method::kThrong);
+    for (const Method method : {Method::kAttributes, Method::kPlain}) {
+      const SummaryRow* theirs = find(rows, level, method);
+      if (ours == nullptr || theirs == nullptr) continue;
+      has_rival = true;
+      const std::pair<const char*, SummaryRow::Figures SummaryRow::*> parts[] = {
+          {"in the median", &SummaryRow::median}, {"in the worst pose", &SummaryRow::worst_pose}};
+      const std::string extra =
+          theirs->triangle_ratio > 1.05
+              ? absl::StrFormat(", which got stuck at %.1f times the triangles",
+                                theirs->triangle_ratio)
+              : "";
+      for (const auto& [words, part] : parts) {
+        for (const Measure& measure : kMeasures) {
+          const double a = (ours->*part).*measure.value, b = (theirs->*part).*measure.value;
+          if (!is_worse(a, b, measure.step)) continue;
+          absl::StrAppend(&losses, "<li>", kLevelSpecs[level].name, ", ", words, ": ", measure.name,
+                          " ", format(measure.format, a), " against ", format(measure.format, b),
+                          " of ", method_name(method), extra, "</li>\n");
+        }
+      }
+    }
+  }
+  if (!has_rival) return;
+  if (losses.empty()) {
+    html +=
+        "<p>throng is nowhere worse than meshoptimizer, in the median over characters and in their "
+        "worst poses.</p>\n";
+  } else {
+    absl::StrAppend(&html,
+                    "<p class=\"worse\">Where throng is worse than meshoptimizer at the same "
+                    "triangle counts:</p><ul>\n",
+                    losses, "</ul>\n");
+  }
+}
+
+void add_character(const CharacterReport& character, std::string& html) {
+  absl::StrAppendFormat(
+      &html,
+      "<h2 id=\"%s\">%s</h2>\n<p class=\"quiet\">%u vertices, %u triangles, %u joints, "
+      "%.2f m tall, coarsest %u vertices; file %.1f MiB; %s; measured in %.1f s</p>\n",
+      escaped(character.name), escaped(character.name), character.vertices, character.triangles,
+      character.joints, character.height_m, character.coarsest_vertices,
+      static_cast<double>(character.file_bytes) / 1048576.0,
+      character.bake_s >= 0.0 ? absl::StrFormat("baked in %.2f s", character.bake_s)
+                              : std::string("bake time not recorded"),
+      character.report_s);
+  html +=
+      "<div "
+      "class=\"scroll\"><table><tr><th>level</th><th>method</th><th>vertices</th><th>triangles</th>"
+      "<th>overlap</th><th>worst pose</th><th>PSNR dB</th><th>worst "
+      "pose</th><th>SSIM</th><th>worst pose</th>"
+      "<th>Hausdorff mm</th><th>%</th><th>worst pose by SSIM, by distance</th></tr>\n";
+  for (std::uint32_t level = 0; level < kLevelSpecs.size(); ++level) {
+    const LevelReport* ours = nullptr;
+    for (const LevelReport& row : character.levels) {
+      if (row.level == level && row.method == Method::kThrong) ours = &row;
+    }
+    for (const LevelReport& row : character.levels) {
+      if (row.level != level) continue;
+      // ours is marked where any rival is better
+      const auto beaten = [&](auto value, double step) {
+        if (&row != ours) return false;
+        for (const LevelReport& other : character.levels) {
+          if (other.level == level && other.method != Method::kThrong &&
+              is_worse(value(row), value(other), step)) {
+            return true;
+          }
+        }
+        return false;
+      };
+      const double percent = 100.0 * static_cast<double>(row.hausdorff_m / character.height_m);
+      absl::StrAppendFormat(&html,
+                            "<tr%s><td>%s</td><td class=\"words\">%s</td><td>%u</td><td>%u</td>",
+                            row.method == Method::kThrong ? " class=\"first\"" : "",
+                            row.method == Method::kThrong ? kLevelSpecs[level].name : "",
+                            method_name(row.method), row.vertices, row.triangles);
+      html += cell(absl::StrFormat("%.3f", row.overlap.median),
+                   beaten([](const LevelReport& r) { return r.overlap.median; }, kOverlapStep));
+      html += cell(absl::StrFormat("%.3f", row.overlap.worst_pose),
+                   beaten([](const LevelReport& r) { return r.overlap.worst_pose; }, kOverlapStep));
+      html += cell(absl::StrFormat("%.2f", row.psnr_db.median),
+                   beaten([](const LevelReport& r) { return r.psnr_db.median; }, kPsnrStep));
+      html += cell(absl::StrFormat("%.2f", row.psnr_db.worst_pose),
+                   beaten([](const LevelReport& r) { return r.psnr_db.worst_pose; }, kPsnrStep));
+      html += cell(absl::StrFormat("%.4f", row.ssim.median),
+                   beaten([](const LevelReport& r) { return r.ssim.median; }, kSsimStep));
+      html += cell(absl::StrFormat("%.4f", row.ssim.worst_pose),
+                   beaten([](const LevelReport& r) { return r.ssim.worst_pose; }, kSsimStep));
+      html += cell(absl::StrFormat("%.1f", 1000.0F * row.hausdorff_m), false);
+      html += cell(absl::StrFormat("%.2f", percent),
+                   beaten(
+                       [&](const LevelReport& r) {
+                         return 100.0 * static_cast<double>(r.hausdorff_m / character.height_m);
+                       },
+                       -kHausdorffStep));
+      absl::StrAppend(&html, "<td class=\"words\">", escaped(character.poses[row.ssim.pose]), "; ",
+                      escaped(character.poses[row.hausdorff_pose]), "</td></tr>\n");
+    }
+  }
+  absl::StrAppend(&html, "</table></div>\n<p><img src=\"", escaped(character.levels_png),
+                  "\" alt=\"levels by method\" loading=\"lazy\"></p>\n<details><summary>The worst "
+                  "picture of each level, as "
+                  "seen at native height and enlarged</summary><img src=\"",
+                  escaped(character.worst_png),
+                  "\" alt=\"worst pictures\" loading=\"lazy\"></details>\n");
+}
+
+}  // namespace
+
+std::string report_html(const ReportResult& result, const ReportOptions& options,
+                        const std::string& extra_html) {
+  std::string html = absl::StrCat(
+      "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>Levels of "
+      "detail</title>"
+      "<meta name=\"viewport\" content=\"width=device-width\"><style>",
+      kStyle, "</style></head><body>\n<h1>Levels of detail</h1>\n");
+  absl::StrAppendFormat(
+      &html, "<p>%u characters, %u views by at most %u poses each, measured in %.0f s.</p>\n",
+      result.characters.size(), options.measure.views, options.measure.poses, result.seconds);
+  html +=
+      "<p>Each level is compared with the full mesh: drawn by the visibility rasterizer with 16 "
+      "samples a pixel, as tall as "
+      "such a level is shown (400, 200, 120, 60, 40 and 20 px). Overlap is the common area of both "
+      "silhouettes over their joint "
+      "area. PSNR and SSIM (luma, 11 x 11 Gaussian of sigma 1.5) look at the pixels within 8 px of "
+      "the figure. The "
+      "Hausdorff distance is two-sided between surface samples, the largest of all poses, in % of "
+      "the height. "
+      "<i>Median</i> is over all pictures; <i>worst pose</i> is the mean over the views in the "
+      "pose where that is worst. "
+      "PSNR stops at 99 dB, which stands for no difference. The full level is the full mesh "
+      "itself.</p>\n";
+  html +=
+      "<p>meshoptimizer simplifies the same full mesh, in the bind pose, to at most as many "
+      "triangles, once by positions alone and "
+      "once with normals and texture coordinates as attributes; its meshes need not be nested, "
+      "ours are one order. "
+      "Skin weights, texture and measuring are the same for all.";
+  if (const std::string version = plain_meshoptimizer_version(); !version.empty())
+    absl::StrAppend(&html, " Plain: version ", version, " of the C library.");
+  if (!options.python.empty()) {
+    if (const auto version = attribute_meshoptimizer_version(options.python); version.ok())
+      absl::StrAppend(&html, " Attributes: package meshoptimizer ", *version,
+                      " from PyPI (weights ", options.measure.attribute_weights.normal,
+                      " for normals, ", options.measure.attribute_weights.uv, " for uv).");
+  }
+  html += "</p>\n";
+  for (const std::string& note : result.notes)
+    absl::StrAppend(&html, "<p class=\"worse\">", escaped(note), "</p>\n");
+  for (const std::string& error : result.errors)
+    absl::StrAppend(&html, "<p class=\"worse\">Not reported: ", escaped(error), "</p>\n");
+  const std::vector<SummaryRow> rows = summarize(result.characters);
+  html +=
+      "<h2>All characters</h2>\n<p>Median over characters. <a href=\"levels.csv\">levels.csv</a>, "
+      "<a "
+      "href=\"summary.csv\">summary.csv</a></p>\n";
+  add_summary(rows, html);
+  add_verdict(rows, html);
+  html += extra_html;
+  html += "<h2>Characters, what loses most first</h2>\n<p>";
+  for (const CharacterReport& character : result.characters)
+    absl::StrAppend(&html, "<a href=\"#", escaped(character.name), "\">", escaped(character.name),
+                    "</a> ");
+  html += "</p>\n<p class=\"quiet\">Red: meshoptimizer does better.</p>\n";
+  for (const CharacterReport& character : result.characters) add_character(character, html);
+  html += "</body></html>\n";
+  return html;
+}
+
+}  // namespace throng::simplify
