@@ -14,6 +14,7 @@
 #include "bench/experiments/walkthrough.hpp"
 #include "support/temporary_folder.hpp"
 #include "throng/render/compute.hpp"
+#include "throng/render/encode.hpp"
 
 namespace throng::bench {
 namespace {
@@ -179,6 +180,25 @@ TEST(ProgramTest, PaperWritesEveryColumn) {
   }
   EXPECT_GT(row["triangles"]["mean"], 0);
   EXPECT_GT(row["frame_cpu_ms"]["mean"], 0);
+}
+
+TEST(ProgramTest, Figure5IsTwoRowsOfPictures) {
+  if (!is_there(kProgram) || !is_there(kCast + "/cast.json")) {
+    GTEST_SKIP() << "throng-bench or the built-in cast is not built";
+  }
+  const test::TemporaryFolder folder;
+  std::ofstream(folder.file("chooser.json")) << R"({"eye": [0, -90, 40], "target": [0, 0, 0]})";
+  const std::string picture = folder.file("figure5.png");
+  const Ran ran = run("paper --agents 40 --size 64x36 --budgets 0.002,0.02 --selection-camera " +
+                      folder.file("chooser.json") + " -o " + picture);
+  ASSERT_EQ(ran.code, 0) << ran.output;
+  std::ifstream stream(picture, std::ios::binary);
+  const std::vector<std::uint8_t> bytes{std::istreambuf_iterator<char>(stream), {}};
+  const auto image = render::decode_png(bytes);
+  ASSERT_TRUE(image.ok()) << image.status();
+  EXPECT_EQ(image->width_px, 128u);
+  EXPECT_EQ(image->height_px, 72u);
+  EXPECT_EQ(run("paper --selection-camera no/such.json").code, 3);
 }
 
 TEST(ProgramTest, QualityRisesWithTheBudget) {

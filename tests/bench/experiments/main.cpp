@@ -36,6 +36,7 @@ constexpr const char* kFooter = R"(Examples:
   throng-bench paper                                  table 2 of Dong & Peng 2019, all budgets
   throng-bench paper --frames 20 --budgets 1,5 --raster gl
   throng-bench paper --size 1920x1080 --json paper.json
+  throng-bench paper --selection-camera main.json --reference-camera far.json -o figure5.png
   throng-bench quality --agents 1000 --budgets 0.25,1 --pictures out
   throng-bench raster                                 visibility against OpenGL on llvmpipe
 
@@ -96,8 +97,9 @@ void add_common(CLI::App& command, Flags& flags) {
       .add_option("--cast", flags.cast, "Folder of baked characters (default: the built-in cast)")
       ->type_name("DIR");
   command
-      .add_option("--size", flags.size,
-                  "Size of the pictures, px (default 1280x720; raster: 1920x1088)")
+      .add_option(
+          "--size", flags.size,
+          "Size of the pictures, px (default 1280x720; figure 5: 640x360 each, raster: 1920x1088)")
       ->type_name("WxH");
   command.add_option("--threads", flags.common.threads, "Worker threads, 0: one for each core")
       ->capture_default_str()
@@ -144,6 +146,21 @@ int run(int argc, char** argv) {
       ->capture_default_str()
       ->check(CLI::Range(1U, Walkthrough::kFrames));
 
+  int figure = 0;
+  paper->add_option("--figure", figure, "Draw this figure instead of the table")
+      ->check(CLI::IsMember({5}));
+  paper
+      ->add_option("--selection-camera", flags.paper.selection_camera,
+                   "Figure 5 with the levels that this camera chooses")
+      ->type_name("FILE");
+  paper
+      ->add_option("--reference-camera", flags.paper.reference_camera,
+                   "Figure 5: from where they are looked at")
+      ->type_name("FILE");
+  paper->add_option("-o,--output", flags.paper.output, "Figure 5: the picture")
+      ->capture_default_str()
+      ->type_name("FILE.png");
+
   CLI::App* quality =
       app.add_subcommand("quality", "PSNR, SSIM and flicker of budgets against full detail");
   add_common(*quality, flags);
@@ -182,6 +199,11 @@ int run(int argc, char** argv) {
     std::fprintf(stderr, "throng-bench: %s\n", message.c_str());
     return static_cast<int>(kUsage);
   };
+  if (!flags.paper.selection_camera.empty() || !flags.paper.reference_camera.empty()) figure = 5;
+  if (figure == 5) {
+    if (flags.size.empty()) flags.size = "640x360";
+    if (paper->count("--budgets") == 0) flags.paper.budgets_million = {1, 6, 10};
+  }
   if (flags.size.empty()) flags.size = *raster ? "1920x1088" : "1280x720";
   if (!parse_size(flags.size, flags.common.viewport)) {
     return usage("--size: '" + flags.size + "' must be WxH with 1 to 16384 px a side");
@@ -211,7 +233,10 @@ int run(int argc, char** argv) {
   std::signal(SIGINT, on_signal);
   std::signal(SIGTERM, on_signal);
   absl::Status status;
-  if (*paper) status = run_paper(flags.common, flags.paper);
+  if (*paper) {
+    status =
+        figure == 5 ? run_figure5(flags.common, flags.paper) : run_paper(flags.common, flags.paper);
+  }
   if (*quality) status = run_quality(flags.common, flags.quality);
   if (*raster) status = run_raster(flags.common, flags.raster_pairs);
   if (stop_signal != 0) return 128 + stop_signal;

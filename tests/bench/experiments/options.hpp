@@ -29,6 +29,9 @@ struct PaperOptions {
   render::LodRule lod = render::LodRule::kDong2019;
   bool equal_triangles = true;  // also at the triangles of the paper's rows
   std::string camera_path;      // file, empty: the walkthrough that comes with the bench
+  // figure 5: who chooses the levels, and from where they are looked at (empty: the bench's own)
+  std::string selection_camera, reference_camera;
+  std::string output = "figure5.png";
 };
 
 struct RasterOptions {
@@ -51,6 +54,9 @@ struct QualityOptions {
 
 /// Dong & Peng 2019, table 2.
 absl::Status run_paper(const Common& common, const PaperOptions& options);
+
+/// Its figure 5: levels chosen by one camera, drawn from another.
+absl::Status run_figure5(const Common& common, const PaperOptions& options);
 
 /// PSNR, SSIM and flicker of budgets (design: quality is measured).
 absl::Status run_quality(const Common& common, const QualityOptions& options);
