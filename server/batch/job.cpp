@@ -2,6 +2,7 @@
 
 #include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_replace.h>
 
 #include <algorithm>
 #include <cmath>
@@ -12,6 +13,7 @@
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <thread>
 #include <utility>
 
@@ -240,6 +242,48 @@ ExitCode input_code(const absl::Status& status) {
   return absl::IsInternal(status) ? ExitCode::kInternal : ExitCode::kBadInput;
 }
 
+/// One camera's pictures.
+struct Output {
+  explicit Output(CameraPath with_camera) : camera(std::move(with_camera)) {}
+  CameraPath camera;
+  std::string path;                     // with {camera} replaced
+  std::optional<NumberedPath> pattern;  // none: a video
+  std::unique_ptr<render::VideoWriter> video;
+  std::unique_ptr<PictureSink> sink;
+  std::uint32_t written = 0;
+
+  std::string path_of(std::uint32_t number) const { return pattern ? pattern->at(number) : path; }
+};
+
+absl::StatusOr<std::vector<Output>> make_outputs(const BatchJob& job, OutputKind kind,
+                                                 const Span& span) {
+  constexpr char kCamera[] = "{camera}";
+  if (job.cameras.size() > 1 && !absl::StrContains(job.output, kCamera)) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("-o: '", job.output, "' must hold {camera} when there are several, such as ",
+                     "out/{camera}/####.png or {camera}.mp4"));
+  }
+  const glm::dvec3 person_m(0.0, 0.0, 1.9);
+  const Site site{span.low, span.high + person_m, job.viewport};
+  std::vector<Output> outputs;
+  for (const std::string& text : job.cameras) {
+    absl::StatusOr<CameraPath> camera = CameraPath::parse(text, site);
+    if (!camera.ok()) return camera.status();
+    for (const Output& other : outputs) {
+      if (other.camera.name() != camera->name()) continue;
+      return absl::FailedPreconditionError(
+          absl::StrCat("--camera: two are called '", camera->name(), "'"));
+    }
+    Output& output = outputs.emplace_back(*std::move(camera));
+    output.path = absl::StrReplaceAll(job.output, {{kCamera, output.camera.name()}});
+    if (kind == OutputKind::kVideo) continue;
+    absl::StatusOr<NumberedPath> pattern = NumberedPath::parse(output.path);
+    if (!pattern.ok()) return absl::FailedPreconditionError(pattern.status().message());
+    output.pattern = *std::move(pattern);
+  }
+  return outputs;
+}
+
 }  // namespace
 
 BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
@@ -247,21 +291,23 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
   // everything that can be refused is refused before the first picture
   const absl::StatusOr<OutputKind> kind = output_kind(job.output);
   if (!kind.ok()) return failure(ExitCode::kUsage, std::string(kind.status().message()));
-  std::optional<NumberedPath> pattern;
-  if (*kind != OutputKind::kVideo) {
-    absl::StatusOr<NumberedPath> parsed = NumberedPath::parse(job.output);
-    if (!parsed.ok()) return failure(ExitCode::kUsage, std::string(parsed.status().message()));
-    pattern = *std::move(parsed);
-  } else if (job.shard.count > 1 || job.skip_existing) {
+  if (*kind == OutputKind::kVideo && (job.shard.count > 1 || job.skip_existing)) {
     return failure(ExitCode::kUsage,
                    "-o: a video is one file; --shard and --skip-existing want numbered pictures");
   }
   const absl::StatusOr<Span> span = measure(job);
   if (!span.ok()) return failure(input_code(span.status()), std::string(span.status().message()));
+  absl::StatusOr<std::vector<Output>> outputs = make_outputs(job, *kind, *span);
+  if (!outputs.ok()) {
+    return failure(
+        absl::IsFailedPrecondition(outputs.status()) ? ExitCode::kUsage : ExitCode::kBadInput,
+        std::string(outputs.status().message()));
+  }
   const auto last = static_cast<std::uint32_t>(
       std::min(1e8, std::floor(static_cast<double>(span->last_us) * 1e-6 * job.fps + 1e-6) + 1));
   absl::StatusOr<std::vector<std::uint32_t>> numbers = parse_frame_numbers(job.frames, last);
   if (!numbers.ok()) return failure(ExitCode::kUsage, std::string(numbers.status().message()));
+  const std::optional<NumberedPath>& pattern = outputs->front().pattern;
   if (pattern && !pattern->numbered() && (numbers->size() != 1 || job.shard.count > 1)) {
     return failure(ExitCode::kUsage,
                    absl::StrCat("-o: '", job.output, "' names one picture and ", numbers->size(),
@@ -274,14 +320,6 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
                                 last, " at ", job.fps, " fps"));
   }
   const std::vector<std::uint32_t> mine = shard_of(*numbers, job.shard.index, job.shard.count);
-
-  const glm::dvec3 person_m(0.0, 0.0, 1.9);
-  absl::StatusOr<CameraPath> camera =
-      CameraPath(render::overview_camera(span->low, span->high + person_m, job.viewport));
-  if (job.camera != "overview") camera = CameraPath::read(job.camera);
-  if (!camera.ok()) {
-    return failure(ExitCode::kBadInput, std::string(camera.status().message()));
-  }
 
   absl::StatusOr<render::Cast> cast = render::read_cast(job.cast);
   if (!cast.ok()) return failure(ExitCode::kBadInput, std::string(cast.status().message()));
@@ -323,12 +361,13 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
 
   BatchOutcome outcome;
   outcome.notes = info.notes;
-  std::unique_ptr<render::VideoWriter> video;
   if (*kind == OutputKind::kVideo) {
-    auto opened =
-        render::open_video(job.output, job.viewport.width_px, job.viewport.height_px, job.fps);
-    if (!opened.ok()) return failure(ExitCode::kOutput, std::string(opened.status().message()));
-    video = *std::move(opened);
+    for (Output& output : *outputs) {
+      auto opened =
+          render::open_video(output.path, job.viewport.width_px, job.viewport.height_px, job.fps);
+      if (!opened.ok()) return failure(ExitCode::kOutput, std::string(opened.status().message()));
+      output.video = *std::move(opened);
+    }
   }
   std::ofstream stats_file;
   if (!job.stats.empty()) {
@@ -339,44 +378,52 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
 
   render::Crowd crowd(shared_cast, crowd_settings);
   Feed feed(*std::move(reader), crowd);
-  PictureSink sink(*kind, job.jpeg_quality, video.get());
-  const auto total = static_cast<std::uint32_t>(mine.size());
+  for (Output& output : *outputs) {
+    output.sink = std::make_unique<PictureSink>(*kind, job.jpeg_quality, output.video.get());
+  }
+  const auto total = static_cast<std::uint32_t>(mine.size() * outputs->size());
+  std::uint32_t done = 0;
   std::vector<std::string> failed;
-  for (std::uint32_t i = 0; i < total && !stop; ++i) {
+  for (std::uint32_t i = 0; i < mine.size() && !stop && outcome.code == ExitCode::kOk; ++i) {
     const std::uint32_t number = mine[i];
-    const std::string path = pattern ? pattern->at(number) : job.output;
-    std::error_code ignored;
-    if (job.skip_existing && std::filesystem::is_regular_file(path, ignored)) {
-      ++outcome.skipped;
-      if (progress) progress(i + 1, total, path);
-      continue;
-    }
     const double time_s = (number - 1) / job.fps;
     const std::int64_t time_us = std::llround(time_s * 1e6);
-    if (absl::Status status = feed.advance_to(time_us); !status.ok()) {
-      outcome.code = ExitCode::kBadInput;
-      outcome.error = std::string(status.message());
-      break;
+    for (Output& output : *outputs) {
+      if (stop) break;
+      const std::string path = output.path_of(number);
+      std::error_code ignored;
+      if (job.skip_existing && std::filesystem::is_regular_file(path, ignored)) {
+        ++outcome.skipped;
+        if (progress) progress(++done, total, path);
+        continue;
+      }
+      if (absl::Status status = feed.advance_to(time_us); !status.ok()) {
+        outcome.code = ExitCode::kBadInput;
+        outcome.error = std::string(status.message());
+        break;
+      }
+      view.camera = output.camera.at(time_s, crowd);
+      render::Picture picture;
+      render::FrameStats stats;
+      if (absl::Status status = (*pipeline)->render(crowd, time_us, view, picture, stats);
+          !status.ok()) {
+        failed.push_back(absl::StrCat(path, ": ", status.message()));
+        continue;
+      }
+      if (stats_file.is_open()) stats_file << stats_line(number, path, stats);
+      output.sink->add(std::move(picture), path, std::llround(i / job.fps * 1e6));
+      ++output.written;
+      if (progress) progress(++done, total, path);
     }
-    view.camera = camera->at(time_s);
-    render::Picture picture;
-    render::FrameStats stats;
-    if (absl::Status status = (*pipeline)->render(crowd, time_us, view, picture, stats);
-        !status.ok()) {
-      failed.push_back(absl::StrCat(path, ": ", status.message()));
-      continue;
+  }
+  for (Output& output : *outputs) {
+    for (const auto& [path, status] : output.sink->drain()) {
+      failed.push_back(std::string(status.message()));
+      --output.written;
     }
-    if (stats_file.is_open()) stats_file << stats_line(number, path, stats);
-    sink.add(std::move(picture), path, std::llround(i / job.fps * 1e6));
-    ++outcome.written;
-    if (progress) progress(i + 1, total, path);
-  }
-  for (const auto& [path, status] : sink.drain()) {
-    failed.push_back(std::string(status.message()));
-    --outcome.written;
-  }
-  if (video != nullptr && outcome.written > 0) {
-    if (absl::Status status = video->finish(); !status.ok()) {
+    outcome.written += output.written;
+    if (output.video == nullptr || output.written == 0) continue;
+    if (absl::Status status = output.video->finish(); !status.ok()) {
       failed.push_back(std::string(status.message()));
     }
   }

@@ -22,12 +22,12 @@ struct BatchJob {
   std::uint32_t synthetic_agents = 0;  // with `seed`, `synthetic_seconds`
   double synthetic_seconds = 10.0;
   trajectory::ReadOptions read;
-  std::string cast;                 // folder
-  std::string output;               // out/####.png, .jpg, or one .mp4
-  std::string camera = "overview";  // or a camera file
-  std::string frames;               // numbers from 1, empty: all
-  std::string stats;                // JSON lines, empty: none
-  std::string channel;              // colours the agents by it
+  std::string cast;    // folder
+  std::string output;  // out/####.png, .jpg, or one .mp4; {camera} becomes the camera's name
+  std::vector<std::string> cameras{"overview"};  // as CameraPath::parse reads them
+  std::string frames;                            // numbers from 1, empty: all
+  std::string stats;                             // JSON lines, empty: none
+  std::string channel;                           // colours the agents by it
   double channel_low = 0.0, channel_high = 1.0;
   Shard shard;
   double fps = 25.0;  // of the output

@@ -33,6 +33,7 @@ constexpr const char* kFooter = R"(Examples:
   throng-render walk.txt --source-fps 16 --source-unit cm -o walk.mp4 --size 1920x1080
   throng-render run.sqlite -o out/%05d.jpg --frames 1-200x2 --camera path.json
   throng-render run.sqlite -o out/####.png --shard 2/3      (or auto on Slurm and Kubernetes)
+  throng-render run.sqlite -o '{camera}.mp4' --camera overview --camera top --camera follow:17
   throng-render --synthetic 30000 --seed 7 -o crowd/####.png --frames 1-25
 
 Exit codes: 0 all pictures written, 1 internal error, 2 usage, 3 bad input, 4 nothing to render with,
@@ -85,7 +86,8 @@ int main(int argc, char** argv) {
                  "Trajectory file (JuPedSim sqlite, archive text, CSV ...)")
       ->type_name("FILE");
   app.add_option("-o,--output", job.output,
-                 "out/####.png, out/%04d.jpg, out/$F4.png; one.png; or one .mp4")
+                 "out/####.png, out/%04d.jpg, out/$F4.png; one.png; or one .mp4. {camera} becomes "
+                 "the camera's name")
       ->required()
       ->type_name("PATH");
   app.add_option("--cast", job.cast, "Folder of baked characters (default: the built-in cast)")
@@ -98,9 +100,13 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0.001, 1000.0));
   app.add_option("--frames", job.frames, "Pictures to render, from 1: 5 or 1-100x2,205")
       ->type_name("SPEC");
-  app.add_option("--camera", job.camera, "overview, or a JSON camera file")
+  app.add_option("--camera", job.cameras,
+                 "overview, top, orbit, follow:AGENT or a JSON camera file; more than once: all of "
+                 "them in one pass")
       ->capture_default_str()
-      ->type_name("overview|FILE");
+      ->expected(1)
+      ->take_all()
+      ->type_name("NAME|FILE");
   app.add_option("--vertex-budget", job.selection.vertex_budget,
                  "Vertices per picture over the crowd, N")
       ->capture_default_str()

@@ -79,6 +79,18 @@ def test_camera_file_moves_the_view(program, csv, tmp_path):
     assert not set(digests(tmp_path / "cam").values()) & set(digests(tmp_path / "ove").values())
 
 
+def test_several_cameras_in_one_pass_give_the_bytes_of_each_alone(program, csv, tmp_path):
+    words = ("overview", "top", "orbit", "follow:1")
+    cameras = [argument for word in words for argument in ("--camera", word)]
+    assert program("throng-render", csv, "-o", "all/{camera}/#.png", *cameras, "--frames", "1,9", *SMALL).returncode == 0
+    for word in words:
+        name = word.replace(":", "-")
+        assert program("throng-render", csv, "-o", f"one/{name}/#.png", "--camera", word, "--frames", "1,9",
+                       *SMALL).returncode == 0
+        assert digests(tmp_path / "all" / name) == digests(tmp_path / "one" / name)
+        assert len(digests(tmp_path / "all" / name)) == 2
+
+
 def test_one_picture_needs_no_number(program, tmp_path):
     assert program("throng-render", "--synthetic", 5, "-o", "one.png", "--frames", 3, *SMALL).returncode == 0
     assert [path.name for path in tmp_path.glob("*.png")] == ["one.png"]
@@ -89,6 +101,8 @@ def test_one_picture_needs_no_number(program, tmp_path):
     [
         (("-o", "out/#.png"), 2, "either a trajectory file or --synthetic"),
         (("--synthetic", 5, "-o", "out.png"), 2, "names one picture"),
+        (("--synthetic", 5, "-o", "#.png", "--camera", "top", "--camera", "orbit"), 2, "{camera}"),
+        (("--synthetic", 5, "-o", "{camera}#.png", "--camera", "top", "--camera", "top"), 2, "called 'top'"),
         (("--synthetic", 5, "-o", "#_#.png"), 2, "more than one place"),
         (("--synthetic", 5, "-o", "out/#.gif"), 2, ".png, .jpg or .mp4"),
         (("--synthetic", 5, "-o", "#.png", "--size", "0x5"), 2, "--size"),
