@@ -12,6 +12,7 @@
 #include "simplify/bake/inspect.hpp"
 #include "simplify/bake/jobs.hpp"
 #include "simplify/report/report.hpp"
+#include "simplify/report/sheet.hpp"
 
 namespace {
 
@@ -42,6 +43,7 @@ constexpr const char* kFooter = R"(Examples:
   throng-bake plain.glb --clips moves.glb -o cast   takes clips from another file
   throng-bake inspect cast/guest.throng --json
   throng-bake report cast -o report                 pictures and figures of every level
+  throng-bake sheet cast -o sheet.png               one picture of everybody
   throng-bake export cast/guest.throng --vertices 200 -o lod.obj
 
 Inputs that did not change since they were baked into the folder are left alone.
@@ -206,6 +208,16 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   report->add_flag("--json", report_json, "Writes the summary as JSON to standard output, too");
 
+  CLI::App* sheet = app.add_subcommand("sheet", "Draws everybody of a cast on one picture");
+  throng::simplify::SheetOptions sheet_options;
+  sheet->add_option("cast", sheet_options.inputs, "Folder of a cast, or .throng files")->required();
+  sheet->add_option("-o,--out", sheet_options.path, "PNG file to write")->required();
+  sheet->add_option("--characters", sheet_options.characters, "Only these, by name")
+      ->delimiter(',');
+  sheet->add_option("--figure-px", sheet_options.figure_px, "Height of the tallest figure of a row")
+      ->check(CLI::Range(40, 2000))
+      ->capture_default_str();
+
   try {
     app.parse(argc, argv);
     if (app.get_subcommands().empty()) {
@@ -221,6 +233,10 @@ int main(int argc, char** argv) {
 
   if (*inspect) return run_inspect(inspected, as_json);
   if (*report) return run_report(report_options, report_json);
+  if (*sheet) {
+    const absl::Status status = throng::simplify::write_sheet(sheet_options);
+    return status.ok() ? kOk : fail(status);
+  }
   if (*export_level)
     return run_export(exported, vertices == 0 ? 0xFFFFFFFFU : vertices, exported_to);
   return run_bake(options);

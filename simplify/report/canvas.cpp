@@ -81,9 +81,9 @@ constexpr Glyph kGlyphs[] = {
     {'7', 6, "0q6q 6q2e"},
     {'8', 6, "0k6k6q0q0k 0e6e6k0k0e"},
     {'9', 6, "0j6j6q0q0j 6n6i1e"},
-    {'.', 0, "0e0e"},
+    {'.', 1, "0e0f 1e1f"},
     {',', 1, "1e0c"},
-    {':', 0, "0e0e 0l0l"},
+    {':', 1, "0e0f 1e1f 0l0m 1l1m"},
     {'-', 4, "0i4i"},
     {'_', 6, "0d6d"},
     {'+', 6, "0i6i 3f3l"},
@@ -154,6 +154,23 @@ void Canvas::put(const render::Picture& picture, int x, int y, int zoom) {
     std::uint8_t* to = picture_.rgbx.data() + std::size_t{4} * row * picture_.width_px;
     for (int column = std::max(x, 0); column < x_end; ++column)
       std::copy_n(from + 4 * ((column - x) / zoom), 3, to + 4 * column);
+  }
+}
+
+void Canvas::lay(const Cutout& cutout, int x, int y) {
+  for (std::size_t i = 0; i < cutout.pixels.size(); ++i) {
+    const glm::vec4& over = cutout.pixels[i];
+    const int column = x + static_cast<int>(i % cutout.width_px);
+    const int row = y + static_cast<int>(i / cutout.width_px);
+    if (over.a <= 0.0F || column < 0 || row < 0 || column >= static_cast<int>(picture_.width_px) ||
+        row >= static_cast<int>(picture_.height_px)) {
+      continue;
+    }
+    std::uint8_t* pixel =
+        picture_.rgbx.data() + std::size_t{4} * (static_cast<std::size_t>(row) * picture_.width_px +
+                                                 static_cast<std::size_t>(column));
+    for (int c = 0; c < 3; ++c)
+      pixel[c] = byte_from_linear(over[c] + (1.0F - over.a) * linear_from_byte(pixel[c]));
   }
 }
 

@@ -4,6 +4,7 @@
 #include <glm/glm.hpp>
 #include <string_view>
 
+#include "simplify/report/studio.hpp"
 #include "throng/render/picture.hpp"
 
 namespace throng::simplify {
@@ -21,6 +22,8 @@ class Canvas {
   void fill(int x, int y, int width, int height, const glm::u8vec3& color);
   /// Every pixel of `picture` becomes a square of `zoom` pixels.
   void put(const render::Picture& picture, int x, int y, int zoom = 1);
+  /// Laid over what is there, in linear light.
+  void lay(const Cutout& cutout, int x, int y);
   /// A straight stroke with round ends.
   void stroke(const glm::vec2& from, const glm::vec2& to, float width_px, const glm::u8vec3& color);
   /// Words in a plain letter made of strokes; `baseline` is where they begin.

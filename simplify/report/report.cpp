@@ -150,7 +150,8 @@ class Writer {
 
 }  // namespace
 
-absl::StatusOr<std::vector<BakedFile>> find_baked(const std::vector<std::string>& inputs) {
+absl::StatusOr<std::vector<BakedFile>> find_baked(const std::vector<std::string>& inputs,
+                                                  const std::vector<std::string>& names) {
   std::vector<BakedFile> files;
   for (const std::string& input : inputs) {
     std::error_code error;
@@ -175,24 +176,22 @@ absl::StatusOr<std::vector<BakedFile>> find_baked(const std::vector<std::string>
     for (std::size_t k = 0; k < i; ++k) copies += files[k].name == files[i].name ? 1 : 0;
     if (copies > 1) absl::StrAppend(&files[i].name, "_", copies);
   }
+  for (const std::string& name : names) {
+    if (std::none_of(files.begin(), files.end(),
+                     [&](const BakedFile& f) { return f.name == name; }))
+      return absl::NotFoundError(absl::StrCat(name, ": no such character"));
+  }
+  std::erase_if(files, [&](const BakedFile& file) {
+    return !names.empty() && std::find(names.begin(), names.end(), file.name) == names.end();
+  });
+  if (files.empty())
+    return absl::NotFoundError(absl::StrCat(inputs.empty() ? "" : inputs[0], ": has no character"));
   return files;
 }
 
 absl::StatusOr<ReportResult> write_report(const ReportOptions& options) {
-  auto files = find_baked(options.inputs);
+  auto files = find_baked(options.inputs, options.characters);
   if (!files.ok()) return files.status();
-  if (!options.characters.empty()) {
-    for (const std::string& name : options.characters) {
-      const bool is_there = std::any_of(files->begin(), files->end(),
-                                        [&](const BakedFile& file) { return file.name == name; });
-      if (!is_there) return absl::NotFoundError(absl::StrCat(name, ": no such character"));
-    }
-    std::erase_if(*files, [&](const BakedFile& file) {
-      return std::find(options.characters.begin(), options.characters.end(), file.name) ==
-             options.characters.end();
-    });
-  }
-  if (files->empty()) return absl::NotFoundError("there is no character to report");
   std::error_code error;
   fs::create_directories(options.folder, error);
   if (!fs::is_directory(options.folder))

@@ -17,9 +17,11 @@ struct BakedFile {
   double bake_s = -1.0;  // negative: not known
 };
 
-/// The files of casts (folders with cast.json) and .throng files, in the order given. NotFound or
-/// InvalidArgument names what isn't there or is broken.
-absl::StatusOr<std::vector<BakedFile>> find_baked(const std::vector<std::string>& inputs);
+/// The files of casts (folders with cast.json) and .throng files, in the order given.
+/// @param names  only these characters; empty: all
+/// NotFound or InvalidArgument names what isn't there or is broken; NotFound where none is left.
+absl::StatusOr<std::vector<BakedFile>> find_baked(const std::vector<std::string>& inputs,
+                                                  const std::vector<std::string>& names = {});
 
 struct ReportOptions {
   std::vector<std::string> inputs;      // folders of casts, .throng files

@@ -12,16 +12,6 @@ constexpr double kEyeDistance = 64.0;  // metres, with figures scaled to one hei
 constexpr float kStandingHeightM = 1.75F;
 constexpr float kQuarterTurnRad = 1.5707963F;
 
-float linear_from_byte(std::uint8_t byte) {
-  const float c = static_cast<float>(byte) / 255.0F;
-  return c <= 0.04045F ? c / 12.92F : std::pow((c + 0.055F) / 1.055F, 2.4F);
-}
-
-std::uint8_t byte_from_linear(float c) {
-  const float s = c <= 0.0031308F ? c * 12.92F : 1.055F * std::pow(c, 1.0F / 2.4F) - 0.055F;
-  return static_cast<std::uint8_t>(glm::clamp(s, 0.0F, 1.0F) * 255.0F + 0.5F);
-}
-
 const std::array<float, 256>& linear_table() {
   static const auto table = [] {
     std::array<float, 256> values{};
@@ -47,6 +37,16 @@ glm::vec3 turned(const glm::vec3& v, float cosine, float sine) {
 }
 
 }  // namespace
+
+float linear_from_byte(std::uint8_t byte) {
+  const float c = static_cast<float>(byte) / 255.0F;
+  return c <= 0.04045F ? c / 12.92F : std::pow((c + 0.055F) / 1.055F, 2.4F);
+}
+
+std::uint8_t byte_from_linear(float c) {
+  const float s = c <= 0.0031308F ? c * 12.92F : 1.055F * std::pow(c, 1.0F / 2.4F) - 0.055F;
+  return static_cast<std::uint8_t>(glm::clamp(s, 0.0F, 1.0F) * 255.0F + 0.5F);
+}
 
 Frame frame_of(const PosedVertices& posed, float turn_rad, float elevation_rad) {
   const float c = std::cos(turn_rad - kQuarterTurnRad), s = std::sin(turn_rad - kQuarterTurnRad);
@@ -191,6 +191,29 @@ absl::Status Studio::cover(const LevelMesh& mesh, std::span<const Figure> figure
   samples.resize(scratch_.rgbx.size() / 4);
   for (std::size_t i = 0; i < samples.size(); ++i) samples[i] = covered[scratch_.rgbx[4 * i]];
   return absl::OkStatus();
+}
+
+absl::StatusOr<Cutout> Studio::cut_out(const LevelMesh& mesh, const Figure& figure,
+                                       const Shot& shot) {
+  render::Picture picture;
+  std::vector<std::uint8_t> samples;
+  if (auto status = draw(mesh, {&figure, 1}, shot, picture); !status.ok()) return status;
+  if (auto status = cover(mesh, {&figure, 1}, shot, samples); !status.ok()) return status;
+  const std::array<float, 256>& linear = linear_table();
+  const glm::vec3 background(linear[picture.rgbx[0]], linear[picture.rgbx[1]],
+                             linear[picture.rgbx[2]]);
+  Cutout cutout{shot.width_px / 2, shot.height_px / 2, {}};
+  cutout.pixels.resize(std::size_t{cutout.width_px} * cutout.height_px, glm::vec4(0.0F));
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    if (samples[i] == 0) continue;
+    const std::size_t x = i % shot.width_px / 2, y = i / shot.width_px / 2;
+    const float share = static_cast<float>(samples[i]) / 4.0F;
+    const std::uint8_t* pixel = picture.rgbx.data() + 4 * i;
+    const glm::vec3 color(linear[pixel[0]], linear[pixel[1]], linear[pixel[2]]);
+    cutout.pixels[y * cutout.width_px + x] +=
+        0.25F * glm::vec4(glm::max(color - (1.0F - share) * background, glm::vec3(0.0F)), share);
+  }
+  return cutout;
 }
 
 render::Picture halved(const render::Picture& picture) {

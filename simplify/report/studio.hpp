@@ -36,6 +36,12 @@ struct Frame {
 };
 Frame frame_of(const PosedVertices& posed, float turn_rad, float elevation_rad);
 
+/// A figure without its background: linear colours times coverage, and coverage. [height][width]
+struct Cutout {
+  std::uint32_t width_px = 0, height_px = 0;
+  std::vector<glm::vec4> pixels;
+};
+
 /// Draws one character in many poses with the rasterizer that viewers' pictures come from, in front
 /// of one even colour.
 class Studio {
@@ -50,6 +56,8 @@ class Studio {
   /// What of each pixel the figures cover, 0 to 4 samples. [height][width]
   absl::Status cover(const LevelMesh& mesh, std::span<const Figure> figures, const Shot& shot,
                      std::vector<std::uint8_t>& samples);
+  /// One figure by itself, at half the size of the shot.
+  absl::StatusOr<Cutout> cut_out(const LevelMesh& mesh, const Figure& figure, const Shot& shot);
 
  private:
   Studio() = default;
@@ -67,6 +75,10 @@ class Studio {
   std::vector<std::uint32_t> vertex_offset_, triangle_offset_, indices_;
   std::vector<render::BatchVertex> vertices_;
 };
+
+/// sRGB.
+float linear_from_byte(std::uint8_t byte);
+std::uint8_t byte_from_linear(float c);
 
 /// Pictures of half the size, averaged in linear light. Sides must be even.
 render::Picture halved(const render::Picture& picture);
