@@ -410,6 +410,16 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
         failed.push_back(absl::StrCat(path, ": ", status.message()));
         continue;
       }
+      if (job.overlay.any()) {
+        draw_overlay(job.overlay,
+                     {.scene_time_us = time_us,
+                      .agents = stats.counters.agents,
+                      .camera = view.camera,
+                      .channel = job.channel,
+                      .channel_low = job.channel_low,
+                      .channel_high = job.channel_high},
+                     picture);
+      }
       if (stats_file.is_open()) stats_file << stats_line(number, path, stats);
       output.sink->add(std::move(picture), path, std::llround(i / job.fps * 1e6));
       ++output.written;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "server/batch/frame_numbers.hpp"
+#include "server/batch/overlay.hpp"
 #include "throng/render/frame.hpp"
 #include "throng/trajectory/trajectory.hpp"
 
@@ -37,6 +38,7 @@ struct BatchJob {
   render::Viewport viewport;
   render::Selection selection;
   render::Look look;
+  OverlayItems overlay;
   render::FramePipelineOptions pipeline;
 };
 

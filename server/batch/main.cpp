@@ -80,7 +80,7 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", "throng-render " THRONG_VERSION);
   BatchJob job;
   std::string size = "1280x720", unit, z_rule, shard = "1/1", channel_range, lod = "budget",
-              raster = "auto";
+              raster = "auto", overlay, title;
   double source_fps = 0.0;
   app.add_option("trajectory", job.trajectory,
                  "Trajectory file (JuPedSim sqlite, archive text, CSV ...)")
@@ -133,6 +133,9 @@ int main(int argc, char** argv) {
   app.add_option("--channel-range", channel_range,
                  "Values at the ends of the colour scale (default 0:1)")
       ->type_name("LOW:HIGH");
+  app.add_option("--overlay", overlay, "Write into the pictures: time,agents,scale,legend or all")
+      ->type_name("ITEMS");
+  app.add_option("--title", title, "Write this into the pictures")->type_name("TEXT");
   app.add_option("--source-fps", source_fps, "Frame rate of the file, where it does not say")
       ->check(CLI::Range(0.001, 10000.0));
   app.add_option("--source-unit", unit, "Unit of length of the file, where it does not say")
@@ -182,6 +185,10 @@ int main(int argc, char** argv) {
        job.channel_low == job.channel_high)) {
     return usage("--channel-range: '" + channel_range + "' must be LOW:HIGH with LOW != HIGH");
   }
+  const auto parsed_overlay = throng::server::parse_overlay(overlay);
+  if (!parsed_overlay.ok()) return usage(std::string(parsed_overlay.status().message()));
+  job.overlay = *parsed_overlay;
+  job.overlay.title = title;
   const auto parsed_shard = throng::server::parse_shard(shard);
   if (!parsed_shard.ok()) return usage(std::string(parsed_shard.status().message()));
   job.shard = *parsed_shard;

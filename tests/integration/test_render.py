@@ -103,6 +103,7 @@ def test_one_picture_needs_no_number(program, tmp_path):
         (("--synthetic", 5, "-o", "out.png"), 2, "names one picture"),
         (("--synthetic", 5, "-o", "#.png", "--camera", "top", "--camera", "orbit"), 2, "{camera}"),
         (("--synthetic", 5, "-o", "{camera}#.png", "--camera", "top", "--camera", "top"), 2, "called 'top'"),
+        (("--synthetic", 5, "-o", "#.png", "--overlay", "time,clock"), 2, "'clock'"),
         (("--synthetic", 5, "-o", "#_#.png"), 2, "more than one place"),
         (("--synthetic", 5, "-o", "out/#.gif"), 2, ".png, .jpg or .mp4"),
         (("--synthetic", 5, "-o", "#.png", "--size", "0x5"), 2, "--size"),
