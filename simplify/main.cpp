@@ -41,6 +41,7 @@ constexpr const char* kFooter = R"(Examples:
   throng-bake guest.glb host.glb -o cast            adds two characters to the folder
   throng-bake giant.glb --height 1.75 -o cast       scales to the height of a person
   throng-bake plain.glb --clips moves.glb -o cast   takes clips from another file
+  throng-bake inspect cast                          counts, beside table 1 of Dong & Peng 2019
   throng-bake inspect cast/guest.throng --json
   throng-bake report cast -o report                 pictures and figures of every level
   throng-bake sheet cast -o sheet.png               one picture of everybody
@@ -89,19 +90,27 @@ int run_bake(throng::simplify::JobOptions& options) {
   return summary.failed > 0 ? kBadInput : kOk;
 }
 
-int run_inspect(const std::vector<std::string>& paths, bool as_json) {
+int run_inspect(const std::vector<std::string>& inputs, bool as_json) {
   int code = kOk;
-  for (const std::string& path : paths) {
-    const auto character = throng::render::read_character(path);
+  std::vector<throng::render::Character> several;
+  const auto files = throng::simplify::find_baked(inputs);
+  if (!files.ok()) return fail(files.status());
+  for (const throng::simplify::BakedFile& file : *files) {
+    auto character = throng::render::read_character(file.path);
     if (!character.ok()) {
       code = fail(character.status());
       continue;
     }
-    const std::uint64_t bytes = std::filesystem::file_size(path);
-    const std::string text = as_json ? throng::simplify::inspect_json(*character, bytes)
-                                     : throng::simplify::inspect_text(*character, bytes);
-    std::fputs(text.c_str(), stdout);
+    const std::uint64_t bytes = std::filesystem::file_size(file.path);
+    if (as_json) {
+      std::fputs(throng::simplify::inspect_json(*character, bytes).c_str(), stdout);
+    } else if (files->size() == 1) {
+      std::fputs(throng::simplify::inspect_text(*character, bytes).c_str(), stdout);
+    } else {
+      several.push_back(*std::move(character));
+    }
   }
+  if (!several.empty()) std::fputs(throng::simplify::inspect_table(several).c_str(), stdout);
   return code;
 }
 
@@ -170,8 +179,8 @@ int main(int argc, char** argv) {
   CLI::App* inspect = app.add_subcommand("inspect", "Tells what is in baked characters");
   std::vector<std::string> inspected;
   bool as_json = false;
-  inspect->add_option("files", inspected, "Baked characters (.throng)")->required();
-  inspect->add_flag("--json", as_json, "As JSON, one object for each file");
+  inspect->add_option("cast", inspected, "Folder of a cast, or .throng files")->required();
+  inspect->add_flag("--json", as_json, "As JSON, one object for each character");
 
   CLI::App* export_level =
       app.add_subcommand("export", "Writes one level of detail as Wavefront OBJ");
