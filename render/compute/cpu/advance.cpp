@@ -2,18 +2,42 @@
 #include "render/compute/cpu/stages.hpp"
 
 namespace throng::render {
+namespace {
+
+element::SnapshotColumns columns_of(const Snapshot& snapshot, int channel) {
+  element::SnapshotColumns columns;
+  columns.slots = static_cast<std::uint32_t>(snapshot.present.size());
+  columns.present = snapshot.present.data();
+  columns.position_m = snapshot.position_m.data();
+  columns.velocity_mps = snapshot.velocity_mps.data();
+  columns.heading_rad = snapshot.heading_rad.data();
+  columns.speed_mps = snapshot.speed_mps.data();
+  columns.walked_cycles = snapshot.walked_cycles.data();
+  if (channel >= 0 && static_cast<std::size_t>(channel) < snapshot.channels.size()) {
+    columns.channel = snapshot.channels[static_cast<std::size_t>(channel)].data();
+  }
+  if (snapshot.roster != nullptr) {  // none: nobody ever came
+    columns.id = snapshot.roster->id.data();
+    columns.character = snapshot.roster->character.data();
+    columns.scale = snapshot.roster->scale.data();
+    columns.seed = snapshot.roster->seed.data();
+  }
+  return columns;
+}
+
+}  // namespace
 
 void advance(const Snapshot& older, const Snapshot& newer, std::int64_t scene_time_us,
              const CrowdSettings& settings, int channel, Machine machine, CpuInstances& instances) {
   constexpr std::size_t kChunk = 1024;
   AdvanceJob job;
-  job.older = &older;
-  job.newer = &newer;
+  job.older = columns_of(older, channel);
+  job.newer = columns_of(newer, channel);
+  job.same_roster = older.roster == newer.roster;
   job.cast = instances.cast.get();
   job.between =
       element::between(older.time_us, newer.time_us, scene_time_us, settings.extrapolate_limit_us);
   job.scene_time_us = scene_time_us;
-  job.channel = channel;
   const Snapshot& shown = job.between.at_newer ? newer : older;
   const std::size_t slots = shown.present.size();
   instances.scene_time_us = scene_time_us;

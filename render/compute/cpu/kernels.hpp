@@ -6,8 +6,8 @@
 
 #include "render/compute/cpu/cast_table.hpp"
 #include "render/compute/cpu/stages.hpp"
+#include "render/compute/element/advance.hpp"
 #include "render/compute/element/frustum.hpp"
-#include "render/compute/element/instance.hpp"
 #include "throng/render/compute.hpp"
 
 namespace throng::render {
@@ -17,21 +17,20 @@ namespace throng::render {
 enum class KernelLevel { kPlain, kAvx2, kAvx512 };
 
 struct AdvanceJob {
-  const Snapshot* older;
-  const Snapshot* newer;
+  element::SnapshotColumns older, newer;
+  bool same_roster;
   const CastTable* cast;
   element::Between between;
   std::int64_t scene_time_us;
-  int channel;
   glm::vec4* sphere_m;
-  InstanceState* state;
+  element::InstanceState* state;
 };
 
 struct CullJob {
   element::Frustum frustum;
   glm::dvec3 eye_offset_m;
   const glm::vec4* sphere_m;
-  const InstanceState* state;
+  const element::InstanceState* state;
   std::uint8_t* mask;
   VisibleInstance* visible;
   float* distance_m;
@@ -51,7 +50,7 @@ struct Kernels {
                 const float* distance_m, std::uint32_t* share, std::size_t begin, std::size_t end);
 
   /// Matrices of the joints that the first `vertex_count` vertices need.
-  void (*pose_palette)(const CharacterTable& table, const InstanceState& state,
+  void (*pose_palette)(const CharacterTable& table, const element::InstanceState& state,
                        std::uint32_t vertex_count, element::JointMatrix* palette);
 
   void (*skin)(const CharacterTable& table, const VisibleInstance& instance, std::uint32_t visible,

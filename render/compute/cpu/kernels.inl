@@ -2,58 +2,21 @@
 // namespace of its own, after `Lanes` (16 floats, four columns of a joint's matrix).
 
 using element::fused;
-
-inline element::Sample sample_of(const Snapshot& snapshot, std::size_t slot) {
-  return {snapshot.position_m[slot], snapshot.velocity_mps[slot], snapshot.heading_rad[slot],
-          snapshot.speed_mps[slot], snapshot.walked_cycles[slot]};
-}
-
-inline float channel_of(const Snapshot& snapshot, int channel, std::size_t slot) {
-  return channel >= 0 && static_cast<std::size_t>(channel) < snapshot.channels.size()
-             ? snapshot.channels[static_cast<std::size_t>(channel)][slot]
-             : __builtin_nanf("");
-}
+using element::InstanceState;
 
 void advance(const AdvanceJob& job, std::size_t begin, std::size_t end) {
-  // the agents shown are those of one snapshot; the other one only says where they go
-  const element::Between& between = job.between;
-  const Snapshot& newer = *job.newer;
-  const Snapshot& shown = between.at_newer ? newer : *job.older;
-  const Roster& roster = *shown.roster;
-  const bool is_same_roster = job.older->roster == newer.roster;
-  const std::size_t newer_slots = newer.present.size();
+  const element::SnapshotColumns& shown = job.between.at_newer ? job.newer : job.older;
   for (std::size_t slot = begin; slot < end; ++slot) {
     if (shown.present[slot] == 0) {
       job.sphere_m[slot] = glm::vec4(0.0F, 0.0F, 0.0F, -1.0F);
       continue;
     }
-    const std::uint32_t seed = roster.seed[slot];
-    const float scale = roster.scale[slot];
-    const std::uint32_t character = roster.character[slot];
-    const CharacterTable& table = job.cast->characters[character];
-    float value = channel_of(shown, job.channel, slot);
-    element::Sample sample;
-    if (!between.at_newer && slot < newer_slots && newer.present[slot] != 0 &&
-        (is_same_roster || newer.roster->id[slot] == roster.id[slot])) {
-      sample =
-          element::interpolate(sample_of(*job.older, slot), sample_of(newer, slot), between, seed);
-      const float next = channel_of(newer, job.channel, slot);
-      if (next == next) value = fused(between.t, next - value, value);
-    } else {
-      sample = element::extrapolate(sample_of(shown, slot), between, table.gait, scale, seed);
-    }
-
+    const CharacterTable& table = job.cast->characters[shown.character[slot]];
     InstanceState& state = job.state[slot];
-    state.position_m = sample.position_m;
-    state.heading_rad = sample.heading_rad;
-    state.placement = element::place(sample.heading_rad, scale);
-    state.character = character;
-    state.seed = seed;
-    state.channel = value;
-    state.pose = element::choose_pose(table.gait, seed, sample.speed_mps, sample.walked_cycles,
-                                      job.scene_time_us);
+    state = element::advance_slot(shown, job.newer, job.between, job.same_roster, table.gait,
+                                  job.scene_time_us, slot);
     job.sphere_m[slot] =
-        element::place_sphere(state.placement, sample.position_m, table.character->bounds);
+        element::place_sphere(state.placement, state.position_m, table.character->bounds);
   }
 }
 

@@ -10,6 +10,7 @@
 #include "render/compute/cpu/buffer.hpp"
 #include "render/compute/cpu/cast_table.hpp"
 #include "render/compute/cpu/work_pool.hpp"
+#include "render/compute/element/advance.hpp"
 #include "render/compute/element/pose.hpp"
 #include "render/compute/element/selection.hpp"
 #include "render/compute/element/skinning.hpp"
@@ -21,21 +22,10 @@ struct CpuSnapshot final : DeviceSnapshot {
   std::shared_ptr<const Snapshot> snapshot;
 };
 
-/// One agent at a scene time.
-struct InstanceState {
-  glm::vec3 position_m;  // offset from the crowd's origin
-  float heading_rad;
-  element::Placement placement;
-  std::uint32_t character;
-  std::uint32_t seed;
-  float channel;
-  element::Pose pose;
-};
-
 struct CpuInstances final : Instances {
   std::shared_ptr<const CastTable> cast;
-  Buffer<glm::vec4> sphere_m;   // [I] offset from the crowd's origin; radius -1: empty slot
-  Buffer<InstanceState> state;  // [I] unspecified where the slot is empty
+  Buffer<glm::vec4> sphere_m;  // [I] offset from the crowd's origin; radius -1: empty slot
+  Buffer<element::InstanceState> state;  // [I] unspecified where the slot is empty
 };
 
 /// How far a view has come in its frame.

@@ -60,7 +60,7 @@ TEST_P(KernelsTest, SkinningGivesTheBytesOfTheElement) {
   const CharacterTable& entry = table->characters[0];
   const Character& character = *entry.character;
   for (int trial = 0; trial < 200; ++trial) {
-    InstanceState state{};
+    element::InstanceState state{};
     const auto random = [&](int k) { return static_cast<float>(test::noise(100 * trial + k)); };
     state.placement = element::place(6.0F * random(1), 0.9F + 0.2F * random(2));
     state.pose = {static_cast<std::uint32_t>(8.0F * random(3)),
