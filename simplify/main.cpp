@@ -11,6 +11,7 @@
 #include "simplify/bake/export_obj.hpp"
 #include "simplify/bake/inspect.hpp"
 #include "simplify/bake/jobs.hpp"
+#include "simplify/builtin/builtin.hpp"
 #include "simplify/report/report.hpp"
 #include "simplify/report/sheet.hpp"
 
@@ -212,6 +213,11 @@ int main(int argc, char** argv) {
                    "Python that has the package meshoptimizer, for its attribute-aware\n"
                    "simplification; '' leaves it out")
       ->capture_default_str();
+  report
+      ->add_option("--peng2011", report_options.peng2011,
+                   "Adds figures 2 and 3 of Peng et al. 2011 with this character of the\n"
+                   "built-in cast")
+      ->check(CLI::IsMember(throng::builtin::builtin_names()));
   report->add_option("-j,--jobs", report_options.jobs, "Characters measured at a time")
       ->check(CLI::Range(1, 256))
       ->capture_default_str();

@@ -93,8 +93,10 @@ absl::StatusOr<BakeResult> bake(const SourceCharacter& original, const BakeOptio
 
   const auto joints = static_cast<std::uint32_t>(source.joints.size());
   const bool is_peng = options.criterion == Criterion::kPeng2011;
-  const PoseSet poses = is_peng ? all_poses(*surface, clips->palette, joints)
-                                : sample_poses(*surface, clips->palette, joints, options.max_poses);
+  const std::uint32_t max_poses = options.bind_pose_only ? 1 : options.max_poses;
+  const PoseSet poses = is_peng && !options.bind_pose_only
+                            ? all_poses(*surface, clips->palette, joints)
+                            : sample_poses(*surface, clips->palette, joints, max_poses);
   CollapseOptions collapse_options;
   collapse_options.criterion = options.criterion;
   collapse_options.coarsest_count = options.coarsest_count;

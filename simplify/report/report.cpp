@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "simplify/bake/cast_file.hpp"
+#include "simplify/report/peng.hpp"
 #include "throng/render/asset.hpp"
 #include "throng/render/encode.hpp"
 
@@ -84,7 +85,19 @@ class Writer {
         !status.ok()) {
       return status;
     }
-    if (auto status = write_text(folder / "index.html", report_html(result_, options_, ""));
+    std::string peng;
+    if (!options_.peng2011.empty()) {
+      say(absl::StrCat("baking ", options_.peng2011, " by the published criterion"));
+      const auto figures =
+          paint_peng2011(options_.peng2011, "peng2011_poses.png", "peng2011_levels.png");
+      if (!figures.ok()) return figures.status();
+      peng = figures->html;
+      if (auto status = write_png(folder / "peng2011_poses.png", figures->poses); !status.ok())
+        return status;
+      if (auto status = write_png(folder / "peng2011_levels.png", figures->levels); !status.ok())
+        return status;
+    }
+    if (auto status = write_text(folder / "index.html", report_html(result_, options_, peng));
         !status.ok())
       return status;
     return std::move(result_);
