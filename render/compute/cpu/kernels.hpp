@@ -8,6 +8,7 @@
 #include "render/compute/cpu/stages.hpp"
 #include "render/compute/element/advance.hpp"
 #include "render/compute/element/frustum.hpp"
+#include "render/compute/element/visible.hpp"
 #include "throng/render/compute.hpp"
 
 namespace throng::render {

@@ -1,7 +1,6 @@
 // The inner loops, compiled once for each instruction set: kernels.cpp includes this text in a
 // namespace of its own, after `Lanes` (16 floats, four columns of a joint's matrix).
 
-using element::fused;
 using element::InstanceState;
 
 void advance(const AdvanceJob& job, std::size_t begin, std::size_t end) {
@@ -20,19 +19,11 @@ void advance(const AdvanceJob& job, std::size_t begin, std::size_t end) {
   }
 }
 
-inline glm::vec3 relative(float x, float y, float z, const glm::dvec3& eye_offset_m) {
-  return glm::vec3(static_cast<float>(static_cast<double>(x) - eye_offset_m.x),
-                   static_cast<float>(static_cast<double>(y) - eye_offset_m.y),
-                   static_cast<float>(static_cast<double>(z) - eye_offset_m.z));
-}
-
 std::uint32_t cull(const CullJob& job, std::size_t begin, std::size_t end) {
   std::uint32_t count = 0;
   for (std::size_t slot = begin; slot < end; ++slot) {
-    const glm::vec4& sphere_m = job.sphere_m[slot];
-    const glm::vec3 center = relative(sphere_m.x, sphere_m.y, sphere_m.z, job.eye_offset_m);
-    const std::uint8_t is_visible =
-        element::touches(job.frustum, glm::vec4(center.x, center.y, center.z, sphere_m.w)) ? 1 : 0;
+    const glm::vec4 sphere = element::relative_sphere(job.sphere_m[slot], job.eye_offset_m);
+    const std::uint8_t is_visible = element::touches(job.frustum, sphere) ? 1 : 0;
     job.mask[slot] = is_visible;
     count += is_visible;
   }
@@ -42,23 +33,11 @@ std::uint32_t cull(const CullJob& job, std::size_t begin, std::size_t end) {
 void compact(const CullJob& job, std::size_t begin, std::size_t end, std::uint32_t next) {
   for (std::size_t slot = begin; slot < end; ++slot) {
     if (job.mask[slot] == 0) continue;
-    const InstanceState& state = job.state[slot];
     const glm::vec4& sphere_m = job.sphere_m[slot];
-    const glm::vec3 center = relative(sphere_m.x, sphere_m.y, sphere_m.z, job.eye_offset_m);
     job.distance_m[next] =
-        std::sqrt(fused(center.x, center.x, fused(center.y, center.y, center.z * center.z)));
-    VisibleInstance& visible = job.visible[next];
-    visible.position_relative =
-        relative(state.position_m.x, state.position_m.y, state.position_m.z, job.eye_offset_m);
-    visible.heading_rad = state.heading_rad;
-    visible.slot = static_cast<std::uint32_t>(slot);
-    visible.character = state.character;
-    visible.seed = state.seed;
-    visible.scale = state.placement.scale;
-    visible.channel = state.channel;
-    visible.radius_m = sphere_m.w;
-    visible.vertex_count = 0;
-    visible.triangle_count = 0;
+        element::distance_of(element::relative_sphere(sphere_m, job.eye_offset_m));
+    job.visible[next] = element::make_visible(
+        job.state[slot], sphere_m.w, static_cast<std::uint32_t>(slot), job.eye_offset_m);
     ++next;
   }
 }

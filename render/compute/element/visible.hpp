@@ -1,0 +1,49 @@
+#pragma once
+
+#include <glm/glm.hpp>
+
+#include "render/compute/element/advance.hpp"
+#include "throng/render/vertex.hpp"
+
+namespace throng::render::element {
+
+/// A point seen from the eye; subtracted in float64, so that a crowd far out stays exact.
+THRONG_HOST_DEVICE inline glm::vec3 relative(float x, float y, float z,
+                                             const glm::dvec3& eye_offset_m) {
+  return glm::vec3(static_cast<float>(static_cast<double>(x) - eye_offset_m.x),
+                   static_cast<float>(static_cast<double>(y) - eye_offset_m.y),
+                   static_cast<float>(static_cast<double>(z) - eye_offset_m.z));
+}
+
+/// The bounding sphere (xyz, radius), relative to the eye.
+THRONG_HOST_DEVICE inline glm::vec4 relative_sphere(const glm::vec4& sphere_m,
+                                                    const glm::dvec3& eye_offset_m) {
+  const glm::vec3 center = relative(sphere_m.x, sphere_m.y, sphere_m.z, eye_offset_m);
+  return glm::vec4(center.x, center.y, center.z, sphere_m.w);
+}
+
+THRONG_HOST_DEVICE inline float distance_of(const glm::vec4& relative_sphere) {
+  const glm::vec4& s = relative_sphere;
+  return std::sqrt(fused(s.x, s.x, fused(s.y, s.y, s.z * s.z)));
+}
+
+/// What a slot that is seen becomes, before LOD selection.
+THRONG_HOST_DEVICE inline VisibleInstance make_visible(const InstanceState& state, float radius_m,
+                                                       std::uint32_t slot,
+                                                       const glm::dvec3& eye_offset_m) {
+  VisibleInstance visible;
+  visible.position_relative =
+      relative(state.position_m.x, state.position_m.y, state.position_m.z, eye_offset_m);
+  visible.heading_rad = state.heading_rad;
+  visible.slot = slot;
+  visible.character = state.character;
+  visible.seed = state.seed;
+  visible.scale = state.placement.scale;
+  visible.channel = state.channel;
+  visible.radius_m = radius_m;
+  visible.vertex_count = 0;
+  visible.triangle_count = 0;
+  return visible;
+}
+
+}  // namespace throng::render::element
