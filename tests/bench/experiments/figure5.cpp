@@ -16,10 +16,11 @@ namespace {
 using render::Picture;
 
 /// The first camera of a file, moved to the size of the crowd.
-absl::StatusOr<render::Camera> camera_of(const std::string& file, std::uint32_t agents) {
-  auto path = server::CameraPath::read(file);
+absl::StatusOr<render::Camera> camera_of(const std::string& file, std::uint32_t agents,
+                                         const render::Crowd& crowd) {
+  auto path = server::CameraPath::parse(file, server::Site());
   if (!path.ok()) return path.status();
-  return scale_camera(path->at(0.0), agents);
+  return scale_camera(path->at(0.0, crowd), agents);
 }
 
 /// Batched geometry as seen from another eye: it is relative to the one that it was made for.
@@ -57,12 +58,12 @@ absl::Status run_figure5(const Common& common, const PaperOptions& options) {
   const std::string defaults = absl::StrCat(THRONG_SOURCE_DIR, "/tests/bench/experiments/");
   absl::StatusOr<render::Camera> chooser = walkthrough->camera(kFrame);
   if (!options.selection_camera.empty()) {
-    chooser = camera_of(options.selection_camera, options.agents);
+    chooser = camera_of(options.selection_camera, options.agents, walkthrough->crowd());
   }
   if (!chooser.ok()) return chooser.status();
   const auto viewer = camera_of(
       options.reference_camera.empty() ? defaults + "far_away.json" : options.reference_camera,
-      options.agents);
+      options.agents, walkthrough->crowd());
   if (!viewer.ok()) return viewer.status();
 
   auto backend = render::make_backend(render::BackendKind::kCpu, common.threads);

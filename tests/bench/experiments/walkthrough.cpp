@@ -21,10 +21,11 @@ render::Camera scale_camera(render::Camera camera, std::uint32_t agents) {
 absl::StatusOr<Walkthrough> Walkthrough::make(std::shared_ptr<const render::Cast> cast,
                                               std::uint32_t agents,
                                               const std::string& camera_file) {
-  auto path =
-      server::CameraPath::read(camera_file.empty() ? std::string(THRONG_SOURCE_DIR) +
-                                                         "/tests/bench/experiments/walkthrough.json"
-                                                   : camera_file);
+  auto path = server::CameraPath::parse(
+      camera_file.empty()
+          ? std::string(THRONG_SOURCE_DIR) + "/tests/bench/experiments/walkthrough.json"
+          : camera_file,
+      server::Site());
   if (!path.ok()) return path.status();
   Walkthrough walkthrough;
   walkthrough.agents_ = agents;
@@ -69,7 +70,7 @@ absl::Status Walkthrough::advance_to(std::uint32_t frame) {
 }
 
 render::Camera Walkthrough::camera(std::uint32_t frame) const {
-  return scale_camera(path_->at(static_cast<double>(frame) / kFramesPerSecond), agents_);
+  return scale_camera(path_->at(static_cast<double>(frame) / kFramesPerSecond, *crowd_), agents_);
 }
 
 }  // namespace throng::bench
