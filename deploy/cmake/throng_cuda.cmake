@@ -10,3 +10,23 @@ if(NOT THRONG_CUDA STREQUAL "OFF")
   endif()
 endif()
 message(STATUS "throng: CUDA ${THRONG_WITH_CUDA}")
+
+# throng::cuda: how device code is compiled. What is drawn must not depend on the backend: only the
+# fma that is written out is fused.
+if(THRONG_WITH_CUDA)
+  if(NOT CMAKE_CUDA_ARCHITECTURES)
+    set(CMAKE_CUDA_ARCHITECTURES 75 90)
+  endif()
+  enable_language(CUDA)
+  if(NOT CMAKE_CUDA20_STANDARD_COMPILE_OPTION)  # CMake 3.25 does not know that nvcc 12 and later do
+    set(CMAKE_CUDA20_STANDARD_COMPILE_OPTION "-std=c++20")
+    set(CMAKE_CUDA20_EXTENSION_COMPILE_OPTION "-std=c++20")
+  endif()
+  find_package(CUDAToolkit REQUIRED)
+  add_library(throng_cuda_options INTERFACE)
+  add_library(throng::cuda ALIAS throng_cuda_options)
+  target_link_libraries(throng_cuda_options INTERFACE CUDA::cudart_static)
+  target_compile_definitions(throng_cuda_options INTERFACE $<$<COMPILE_LANGUAGE:CUDA>:GLM_FORCE_CUDA>)
+  target_compile_options(throng_cuda_options INTERFACE
+    "$<$<COMPILE_LANGUAGE:CUDA>:SHELL:--fmad=false --expt-relaxed-constexpr --diag-suppress=20012 -include cuda.h>")
+endif()

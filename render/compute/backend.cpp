@@ -1,4 +1,7 @@
 #include "render/compute/cpu/cpu_backend.hpp"
+#if THRONG_WITH_CUDA
+#include "render/compute/cuda/cuda_backend.hpp"
+#endif
 
 namespace throng::render {
 
@@ -7,7 +10,11 @@ absl::StatusOr<std::unique_ptr<ComputeBackend>> make_backend(BackendKind kind, u
     case BackendKind::kCpu:
       return make_cpu_backend(threads);
     case BackendKind::kCuda:
+#if THRONG_WITH_CUDA
+      return make_cuda_backend();
+#else
       return absl::UnavailableError("make_backend: cuda is not built into this program");
+#endif
   }
   return absl::InvalidArgumentError("make_backend: unknown kind");
 }

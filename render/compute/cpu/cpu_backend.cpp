@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "render/compute/common.hpp"
 #include "render/compute/cpu/stages.hpp"
 
 namespace throng::render {
@@ -42,6 +43,8 @@ absl::Status out_of_memory(const char* call) {
   return absl::ResourceExhaustedError(absl::StrCat(call, ": out of memory"));
 }
 
+const ViewStage* stage_of(const CpuView* view) { return view == nullptr ? nullptr : &view->stage; }
+
 class CpuBackend final : public ComputeBackend {
  public:
   CpuBackend(unsigned threads, KernelLevel level)
@@ -59,32 +62,9 @@ class CpuBackend final : public ComputeBackend {
       std::shared_ptr<const Snapshot> snapshot) override {
     const std::shared_ptr<const CastTable> cast = this->cast();
     if (cast == nullptr) return absl::FailedPreconditionError("upload: the cast comes first");
-    if (snapshot == nullptr || (snapshot->roster == nullptr && !snapshot->present.empty())) {
-      return absl::InvalidArgumentError("upload: the snapshot or its roster is missing");
-    }
-    const std::size_t slots = snapshot->present.size();
-    if (slots > 0) {
-      const Roster& roster = *snapshot->roster;
-      if (snapshot->position_m.size() != slots || snapshot->velocity_mps.size() != slots ||
-          snapshot->heading_rad.size() != slots || snapshot->speed_mps.size() != slots ||
-          snapshot->walked_cycles.size() != slots || roster.id.size() < slots ||
-          roster.character.size() < slots || roster.scale.size() < slots ||
-          roster.seed.size() < slots) {
-        return absl::InvalidArgumentError(
-            absl::StrCat("upload: a column of the snapshot does not have its ", slots, " slots"));
-      }
-      for (const std::vector<float>& channel : snapshot->channels) {
-        if (channel.size() == slots) continue;
-        return absl::InvalidArgumentError(
-            absl::StrCat("upload: a channel has ", channel.size(), " rows, must have ", slots));
-      }
-      std::uint16_t largest = 0;
-      for (std::size_t i = 0; i < slots; ++i) largest = std::max(largest, roster.character[i]);
-      if (largest >= cast->characters.size()) {
-        return absl::InvalidArgumentError(absl::StrCat("upload: the roster names character ",
-                                                       largest, ", must be less than ",
-                                                       cast->characters.size()));
-      }
+    if (absl::Status status = check_snapshot(snapshot.get(), cast->characters.size());
+        !status.ok()) {
+      return status;
     }
     auto result = std::make_shared<CpuSnapshot>();
     result->snapshot = std::move(snapshot);
@@ -128,7 +108,7 @@ class CpuBackend final : public ComputeBackend {
     if (own == nullptr || own_instances == nullptr) {
       return absl::InvalidArgumentError("cull: the view or the instances are of another backend");
     }
-    if (absl::Status status = check(camera, viewport); !status.ok()) return status;
+    if (absl::Status status = check_camera(camera, viewport); !status.ok()) return status;
     try {
       own->stage = ViewStage::kNew;
       own->instances = std::move(own_instances);
@@ -142,7 +122,7 @@ class CpuBackend final : public ComputeBackend {
 
   absl::Status select(ViewWork& view, const Selection& selection) override {
     auto* own = dynamic_cast<CpuView*>(&view);
-    if (absl::Status status = check_stage("select", own, ViewStage::kCulled, "cull");
+    if (absl::Status status = check_stage("select", stage_of(own), ViewStage::kCulled, "cull");
         !status.ok()) {
       return status;
     }
@@ -161,7 +141,8 @@ class CpuBackend final : public ComputeBackend {
 
   absl::Status allocate(ViewWork& view) override {
     auto* own = dynamic_cast<CpuView*>(&view);
-    if (absl::Status status = check_stage("allocate", own, ViewStage::kSelected, "select");
+    if (absl::Status status =
+            check_stage("allocate", stage_of(own), ViewStage::kSelected, "select");
         !status.ok()) {
       return status;
     }
@@ -177,7 +158,8 @@ class CpuBackend final : public ComputeBackend {
 
   absl::Status generate(ViewWork& view) override {
     auto* own = dynamic_cast<CpuView*>(&view);
-    if (absl::Status status = check_stage("generate", own, ViewStage::kAllocated, "allocate");
+    if (absl::Status status =
+            check_stage("generate", stage_of(own), ViewStage::kAllocated, "allocate");
         !status.ok()) {
       return status;
     }
@@ -216,7 +198,8 @@ class CpuBackend final : public ComputeBackend {
 
   absl::Status read_visible(const ViewWork& view, std::span<std::uint8_t> visible) override {
     const auto* own = dynamic_cast<const CpuView*>(&view);
-    if (absl::Status status = check_stage("read_visible", own, ViewStage::kCulled, "cull");
+    if (absl::Status status =
+            check_stage("read_visible", stage_of(own), ViewStage::kCulled, "cull");
         !status.ok()) {
       return status;
     }
@@ -234,55 +217,6 @@ class CpuBackend final : public ComputeBackend {
   std::shared_ptr<const CastTable> cast() const {
     const std::lock_guard lock(mutex_);
     return cast_;
-  }
-
-  static absl::Status check(const Camera& camera, const Viewport& viewport) {
-    constexpr std::uint32_t kLargestPx = 16384;
-    if (viewport.width_px == 0 || viewport.width_px > kLargestPx || viewport.height_px == 0 ||
-        viewport.height_px > kLargestPx) {
-      return absl::InvalidArgumentError(absl::StrCat("cull: the viewport is ", viewport.width_px,
-                                                     "x", viewport.height_px, " px, must be 1 to ",
-                                                     kLargestPx));
-    }
-    const bool is_finite = [&] {
-      for (int i = 0; i < 3; ++i) {
-        if (!std::isfinite(camera.eye_world[i]) || !std::isfinite(camera.target_world[i]) ||
-            !std::isfinite(camera.up_world[i])) {
-          return false;
-        }
-      }
-      return true;
-    }();
-    if (!is_finite) {
-      return absl::InvalidArgumentError("cull: the camera's eye, target and up must be numbers");
-    }
-    if (!(camera.near_m > 0.0) || !std::isfinite(camera.near_m)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("cull: near_m is ", camera.near_m, ", must be > 0"));
-    }
-    if (camera.ortho_height_m > 0.0) {
-      if (!std::isfinite(camera.ortho_height_m) || !(camera.far_m > camera.near_m) ||
-          !std::isfinite(camera.far_m)) {
-        return absl::InvalidArgumentError(
-            absl::StrCat("cull: an orthographic camera has a height of ", camera.ortho_height_m,
-                         " m and far_m ", camera.far_m, ", must be beyond near_m ", camera.near_m));
-      }
-    } else if (!(camera.fov_y_rad > 0.0) || !(camera.fov_y_rad < 3.14)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("cull: fov_y_rad is ", camera.fov_y_rad, ", must be in (0, 3.14)"));
-    }
-    return absl::OkStatus();
-  }
-
-  static absl::Status check_stage(const char* call, const CpuView* view, ViewStage needed,
-                                  const char* before) {
-    if (view == nullptr) {
-      return absl::InvalidArgumentError(absl::StrCat(call, ": the view is of another backend"));
-    }
-    if (view->stage < needed) {
-      return absl::FailedPreconditionError(absl::StrCat(call, ": ", before, " comes first"));
-    }
-    return absl::OkStatus();
   }
 
   mutable std::mutex mutex_;

@@ -1,5 +1,4 @@
-#include <cmath>
-
+#include "render/compute/common.hpp"
 #include "render/compute/cpu/kernels.hpp"
 #include "render/compute/cpu/stages.hpp"
 
@@ -9,12 +8,7 @@ void cull(CpuView& view, const Camera& camera, const Viewport& viewport, Machine
   constexpr std::size_t kChunk = 2048;
   const CpuInstances& instances = *view.instances;
   const std::size_t slots = instances.count;
-  view.projection.perspective = camera.ortho_height_m > 0.0 ? 0 : 1;
-  view.projection.focal_px = static_cast<float>(
-      camera.ortho_height_m > 0.0 ? viewport.height_px / camera.ortho_height_m
-                                  : 0.5 * viewport.height_px / std::tan(0.5 * camera.fov_y_rad));
-  view.projection.viewport_px2 =
-      static_cast<float>(viewport.width_px) * static_cast<float>(viewport.height_px);
+  view.projection = projection_of(camera, viewport);
   view.mask.resize(slots);
   CullJob job;
   job.frustum = element::frustum_from(clip_from_relative(camera, viewport));

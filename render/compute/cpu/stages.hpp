@@ -7,6 +7,7 @@
 #include <memory>
 #include <vector>
 
+#include "render/compute/common.hpp"
 #include "render/compute/cpu/buffer.hpp"
 #include "render/compute/cpu/cast_table.hpp"
 #include "render/compute/cpu/work_pool.hpp"
@@ -27,9 +28,6 @@ struct CpuInstances final : Instances {
   Buffer<glm::vec4> sphere_m;  // [I] offset from the crowd's origin; radius -1: empty slot
   Buffer<element::InstanceState> state;  // [I] unspecified where the slot is empty
 };
-
-/// How far a view has come in its frame.
-enum class ViewStage { kNew, kCulled, kSelected, kAllocated, kGenerated };
 
 struct CpuView final : ViewWork {
   ViewStage stage = ViewStage::kNew;

@@ -1,0 +1,36 @@
+#include "render/compute/cuda/launch.hpp"
+
+namespace throng::render::cuda {
+namespace {
+
+__global__ void advance_kernel(AdvanceJob job) {
+  const std::uint32_t slot = blockIdx.x * blockDim.x + threadIdx.x;
+  if (slot >= job.shown.slots) return;
+  if (job.shown.present[slot] == 0) {
+    job.sphere_m[slot] = glm::vec4(0.0F, 0.0F, 0.0F, -1.0F);
+    return;
+  }
+  const DeviceCharacter& character = job.cast.character[job.shown.character[slot]];
+  const element::InstanceState state = element::advance_slot(
+      job.shown, job.newer, job.between, job.same_roster, character.gait, job.scene_time_us, slot);
+  job.state[slot] = state;
+  job.sphere_m[slot] = element::place_sphere(state.placement, state.position_m, character.bounds);
+}
+
+__global__ void probe_kernel() {}
+
+}  // namespace
+
+cudaError_t probe_kernels(cudaStream_t stream) {
+  probe_kernel<<<1, 1, 0, stream>>>();
+  return cudaGetLastError();
+}
+
+cudaError_t launch_advance(const AdvanceJob& job, cudaStream_t stream) {
+  if (job.shown.slots == 0) return cudaSuccess;  // an empty grid is a launch error
+  constexpr std::uint32_t kThreads = 256;
+  advance_kernel<<<(job.shown.slots + kThreads - 1) / kThreads, kThreads, 0, stream>>>(job);
+  return cudaGetLastError();
+}
+
+}  // namespace throng::render::cuda

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <memory>
+
+#include "render/compute/cuda/device_types.hpp"
+#include "render/compute/cuda/memory.hpp"
+#include "throng/render/asset.hpp"
+
+namespace throng::render::cuda {
+
+/// The cast in device memory: every section of all characters in one array of its kind.
+class CudaCast {
+ public:
+  /// Waits until all is there. InvalidArgument names the member and what it lacks.
+  static absl::StatusOr<std::shared_ptr<const CudaCast>> upload(std::shared_ptr<const Cast> cast,
+                                                                cudaStream_t stream);
+
+  const DeviceCast& device() const { return device_; }
+  std::size_t character_count() const { return cast_->members.size(); }
+  std::uint32_t most_joints() const { return most_joints_; }
+
+ private:
+  explicit CudaCast(cudaStream_t stream)
+      : character_(stream),
+        vertex_(stream),
+        uv_(stream),
+        collapse_target_(stream),
+        triangle_(stream),
+        triangle_count_at_(stream),
+        legal_count_(stream),
+        palette_(stream) {}
+
+  std::shared_ptr<const Cast> cast_;
+  DeviceCast device_;
+  std::uint32_t most_joints_ = 0;
+  DeviceBuffer<DeviceCharacter> character_;
+  DeviceBuffer<element::SourceVertex> vertex_;
+  DeviceBuffer<glm::u16vec2> uv_;
+  DeviceBuffer<std::uint32_t> collapse_target_;
+  DeviceBuffer<glm::uvec3> triangle_;
+  DeviceBuffer<std::uint32_t> triangle_count_at_;
+  DeviceBuffer<std::uint32_t> legal_count_;
+  DeviceBuffer<element::JointMatrix> palette_;
+};
+
+}  // namespace throng::render::cuda

@@ -1,0 +1,575 @@
+#include "render/compute/cuda/cuda_backend.hpp"
+
+#include <absl/strings/str_cat.h>
+#include <cuda_runtime_api.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <mutex>
+#include <utility>
+#include <vector>
+
+#include "render/compute/common.hpp"
+#include "render/compute/cuda/cast.hpp"
+#include "render/compute/cuda/launch.hpp"
+#include "render/compute/cuda/memory.hpp"
+
+namespace throng::render {
+namespace cuda {
+
+absl::Status to_status(cudaError_t error, const char* call) {
+  if (error == cudaSuccess) return absl::OkStatus();
+  const std::string text =
+      absl::StrCat(call, ": ", cudaGetErrorString(error), " (", cudaGetErrorName(error), ")");
+  if (error == cudaErrorMemoryAllocation) {
+    cudaGetLastError();  // it sticks no longer than it is looked at
+    return absl::ResourceExhaustedError(
+        absl::StrCat(text, "; lower the vertex budget or the number of agents"));
+  }
+  return absl::InternalError(text);
+}
+
+namespace {
+
+/// The columns of a roster, uploaded once for all snapshots that share it.
+struct DeviceRoster {
+  explicit DeviceRoster(cudaStream_t stream) : bytes(stream) {}
+  std::shared_ptr<const Roster> roster;
+  DeviceBuffer<std::byte> bytes;
+  element::SnapshotColumns columns;  // id, character, scale, seed
+};
+
+struct CudaSnapshot final : DeviceSnapshot {
+  explicit CudaSnapshot(cudaStream_t stream) : bytes(stream) {}
+  std::int64_t time_us = 0;
+  std::uint32_t present = 0;
+  std::shared_ptr<const DeviceRoster> roster;
+  DeviceBuffer<std::byte> bytes;
+  element::SnapshotColumns columns;  // without a channel
+  std::vector<const float*> channels;
+};
+
+struct CudaInstances final : Instances {
+  explicit CudaInstances(cudaStream_t stream) : sphere_m(stream), state(stream) {}
+  std::shared_ptr<const CudaCast> cast;
+  DeviceBuffer<glm::vec4> sphere_m;            // [I]
+  DeviceBuffer<element::InstanceState> state;  // [I]
+};
+
+struct CudaView final : ViewWork {
+  explicit CudaView(cudaStream_t stream)
+      : mask(stream),
+        order(stream),
+        visible(stream),
+        distance_m(stream),
+        share(stream),
+        vertex_count(stream),
+        triangle_count(stream),
+        vertex_offset(stream),
+        triangle_offset(stream),
+        vertices(stream),
+        indices(stream),
+        scratch(stream),
+        sums(stream),
+        counters(stream) {}
+
+  ViewStage stage = ViewStage::kNew;
+  std::shared_ptr<const CudaInstances> instances;
+  element::Projection projection;
+  DeviceCounters seen;  // as of the last stage that read them back
+  DeviceBuffer<std::uint8_t> mask;
+  DeviceBuffer<std::uint32_t> order;
+  DeviceBuffer<VisibleInstance> visible;
+  DeviceBuffer<float> distance_m;
+  DeviceBuffer<std::uint32_t> share, vertex_count, triangle_count, vertex_offset, triangle_offset;
+  DeviceBuffer<BatchVertex> vertices;
+  DeviceBuffer<std::uint32_t> indices;
+  DeviceBuffer<std::byte> scratch;
+  DeviceBuffer<SelectSums> sums;
+  DeviceBuffer<DeviceCounters> counters;
+  PinnedBuffer read_back;  // what a rasterizer on the processor draws from
+  FrameGeometry geometry;  // spans of read_back
+};
+
+/// Packs columns into one block, each on a 16-byte boundary.
+class Packer {
+ public:
+  template <typename T>
+  std::size_t add(const std::vector<T>& column, std::size_t rows) {
+    const std::size_t at = (size_ + 15) / 16 * 16;
+    parts_.push_back({column.data(), at, rows * sizeof(T)});
+    size_ = at + rows * sizeof(T);
+    return at;
+  }
+  std::size_t size_bytes() const { return size_; }
+  void write(void* to) const {
+    for (const Part& part : parts_) {
+      if (part.size_bytes > 0) {
+        std::memcpy(static_cast<std::byte*>(to) + part.at, part.from, part.size_bytes);
+      }
+    }
+  }
+
+ private:
+  struct Part {
+    const void* from;
+    std::size_t at, size_bytes;
+  };
+  std::vector<Part> parts_;
+  std::size_t size_ = 0;
+};
+
+class CudaBackend final : public ComputeBackend {
+ public:
+  static absl::StatusOr<std::unique_ptr<ComputeBackend>> make() {
+    constexpr char kCall[] = "make_backend: cuda";
+    int devices = 0;
+    if (const cudaError_t error = cudaGetDeviceCount(&devices);
+        error != cudaSuccess || devices == 0) {
+      cudaGetLastError();
+      return absl::UnavailableError(
+          absl::StrCat(kCall, ": no device: ",
+                       error == cudaSuccess ? "the driver lists none" : cudaGetErrorString(error),
+                       " (nvidia-smi tells what the driver sees)"));
+    }
+    auto backend = std::unique_ptr<CudaBackend>(new CudaBackend());
+    if (absl::Status status = backend->begin(); !status.ok()) {
+      return absl::UnavailableError(absl::StrCat(kCall, ": ", status.message()));
+    }
+    return backend;
+  }
+
+  ~CudaBackend() override {
+    cast_.reset();
+    roster_.reset();
+    for (Staging& staging : staging_) {
+      if (staging.copied != nullptr) cudaEventDestroy(staging.copied);
+    }
+    if (stream_ != nullptr) {
+      cudaStreamSynchronize(stream_);
+      cudaStreamDestroy(stream_);
+    }
+  }
+
+  absl::Status upload(std::shared_ptr<const Cast> cast) override {
+    auto uploaded = CudaCast::upload(std::move(cast), stream_);
+    if (!uploaded.ok()) return uploaded.status();
+    const std::lock_guard lock(mutex_);
+    cast_ = *std::move(uploaded);
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<std::shared_ptr<const DeviceSnapshot>> upload(
+      std::shared_ptr<const Snapshot> snapshot) override {
+    const std::lock_guard lock(mutex_);
+    if (cast_ == nullptr) return absl::FailedPreconditionError("upload: the cast comes first");
+    if (absl::Status status = check_snapshot(snapshot.get(), cast_->character_count());
+        !status.ok()) {
+      return status;
+    }
+    constexpr char kCall[] = "upload: the snapshot";
+    auto result = std::make_shared<CudaSnapshot>(stream_);
+    result->time_us = snapshot->time_us;
+    result->present = snapshot->present_count;
+    element::SnapshotColumns& columns = result->columns;
+    const std::size_t slots = snapshot->present.size();
+    columns.slots = static_cast<std::uint32_t>(slots);
+    result->channels.assign(snapshot->channels.size(), nullptr);
+    if (slots == 0) return result;
+    if (absl::Status status = upload_roster(snapshot->roster); !status.ok()) return status;
+    result->roster = roster_;
+    columns.id = roster_->columns.id;
+    columns.character = roster_->columns.character;
+    columns.scale = roster_->columns.scale;
+    columns.seed = roster_->columns.seed;
+
+    Packer packer;
+    const std::size_t walked = packer.add(snapshot->walked_cycles, slots);
+    const std::size_t position = packer.add(snapshot->position_m, slots);
+    const std::size_t velocity = packer.add(snapshot->velocity_mps, slots);
+    const std::size_t heading = packer.add(snapshot->heading_rad, slots);
+    const std::size_t speed = packer.add(snapshot->speed_mps, slots);
+    const std::size_t present = packer.add(snapshot->present, slots);
+    std::vector<std::size_t> channels;
+    for (const std::vector<float>& channel : snapshot->channels) {
+      channels.push_back(packer.add(channel, slots));
+    }
+    THRONG_CUDA_TRY(copy(packer, result->bytes), kCall);
+    const std::byte* base = result->bytes.data();
+    columns.walked_cycles = reinterpret_cast<const double*>(base + walked);
+    columns.position_m = reinterpret_cast<const glm::vec3*>(base + position);
+    columns.velocity_mps = reinterpret_cast<const glm::vec3*>(base + velocity);
+    columns.heading_rad = reinterpret_cast<const float*>(base + heading);
+    columns.speed_mps = reinterpret_cast<const float*>(base + speed);
+    columns.present = reinterpret_cast<const std::uint8_t*>(base + present);
+    for (std::size_t c = 0; c < channels.size(); ++c) {
+      result->channels[c] = reinterpret_cast<const float*>(base + channels[c]);
+    }
+    return result;
+  }
+
+  absl::StatusOr<std::shared_ptr<const Instances>> advance(const DeviceSnapshot& older,
+                                                           const DeviceSnapshot& newer,
+                                                           std::int64_t scene_time_us,
+                                                           const CrowdSettings& settings,
+                                                           int channel) override {
+    const auto* from = dynamic_cast<const CudaSnapshot*>(&older);
+    const auto* to = dynamic_cast<const CudaSnapshot*>(&newer);
+    if (from == nullptr || to == nullptr) {
+      return absl::InvalidArgumentError("advance: a snapshot is of another backend");
+    }
+    if (from->time_us > to->time_us) {
+      return absl::InvalidArgumentError(absl::StrCat("advance: older is at ", from->time_us,
+                                                     " us, must not be after newer at ",
+                                                     to->time_us, " us"));
+    }
+    AdvanceJob job;
+    job.between =
+        element::between(from->time_us, to->time_us, scene_time_us, settings.extrapolate_limit_us);
+    const CudaSnapshot& shown = job.between.at_newer ? *to : *from;
+    auto instances = std::make_shared<CudaInstances>(stream_);
+    instances->scene_time_us = scene_time_us;
+    instances->count = shown.columns.slots;
+    instances->present = shown.present;
+    instances->origin_world = settings.origin_world;
+    {
+      const std::lock_guard lock(mutex_);
+      instances->cast = cast_;
+    }
+    THRONG_CUDA_TRY(instances->sphere_m.resize(instances->count), "advance");
+    THRONG_CUDA_TRY(instances->state.resize(instances->count), "advance");
+    const auto with_channel = [&](const CudaSnapshot& snapshot) {
+      element::SnapshotColumns columns = snapshot.columns;
+      if (channel >= 0 && static_cast<std::size_t>(channel) < snapshot.channels.size()) {
+        columns.channel = snapshot.channels[static_cast<std::size_t>(channel)];
+      }
+      return columns;
+    };
+    job.cast = instances->cast->device();
+    job.shown = with_channel(shown);
+    job.newer = with_channel(*to);
+    job.same_roster = from->roster == to->roster;
+    job.scene_time_us = scene_time_us;
+    job.sphere_m = instances->sphere_m.data();
+    job.state = instances->state.data();
+    THRONG_CUDA_TRY(launch_advance(job, stream_), "advance");
+    return instances;
+  }
+
+  absl::StatusOr<std::unique_ptr<ViewWork>> make_view() override {
+    return std::make_unique<CudaView>(stream_);
+  }
+
+  absl::Status cull(ViewWork& view, std::shared_ptr<const Instances> instances,
+                    const Camera& camera, const Viewport& viewport) override {
+    auto* own = dynamic_cast<CudaView*>(&view);
+    auto own_instances = std::dynamic_pointer_cast<const CudaInstances>(std::move(instances));
+    if (own == nullptr || own_instances == nullptr) {
+      return absl::InvalidArgumentError("cull: the view or the instances are of another backend");
+    }
+    if (absl::Status status = check_camera(camera, viewport); !status.ok()) return status;
+    own->stage = ViewStage::kNew;
+    own->instances = std::move(own_instances);
+    own->projection = projection_of(camera, viewport);
+    const std::uint32_t slots = own->instances->count;
+    std::size_t scratch_bytes = 0;
+    THRONG_CUDA_TRY(scan_scratch_bytes(slots + 1, scratch_bytes), "cull");
+    THRONG_CUDA_TRY(own->scratch.resize(scratch_bytes), "cull");
+    THRONG_CUDA_TRY(own->mask.resize(slots), "cull");
+    THRONG_CUDA_TRY(own->order.resize(slots), "cull");
+    THRONG_CUDA_TRY(own->visible.resize(slots), "cull");
+    THRONG_CUDA_TRY(own->distance_m.resize(slots), "cull");
+    THRONG_CUDA_TRY(own->counters.resize(1), "cull");
+    CullJob job;
+    job.frustum = element::frustum_from(clip_from_relative(camera, viewport));
+    job.eye_offset_m = camera.eye_world - own->instances->origin_world;
+    job.slots = slots;
+    job.sphere_m = own->instances->sphere_m.data();
+    job.state = own->instances->state.data();
+    job.mask = own->mask.data();
+    job.order = own->order.data();
+    job.visible = own->visible.data();
+    job.distance_m = own->distance_m.data();
+    job.counters = own->counters.data();
+    THRONG_CUDA_TRY(launch_cull(job, own->scratch.data(), scratch_bytes, stream_), "cull");
+    own->seen = DeviceCounters();
+    own->stage = ViewStage::kCulled;
+    return absl::OkStatus();
+  }
+
+  absl::Status select(ViewWork& view, const Selection& selection) override {
+    auto* own = dynamic_cast<CudaView*>(&view);
+    if (absl::Status status = check_stage("select", stage_of(own), ViewStage::kCulled, "cull");
+        !status.ok()) {
+      return status;
+    }
+    if (selection.alpha != 3.0F) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("select: alpha is ", selection.alpha, ", must be 3"));
+    }
+    const std::uint32_t slots = own->instances->count;
+    THRONG_CUDA_TRY(own->share.resize(slots), "select");
+    THRONG_CUDA_TRY(own->vertex_count.resize(slots + 1), "select");
+    THRONG_CUDA_TRY(own->triangle_count.resize(slots + 1), "select");
+    THRONG_CUDA_TRY(own->sums.resize(1), "select");
+    SelectJob job;
+    job.cast = own->instances->cast->device();
+    job.projection = own->projection;
+    job.vertex_budget = selection.vertex_budget;
+    job.deal_again = selection.rule == LodRule::kBudget;
+    job.slots = slots;
+    job.visible = own->visible.data();
+    job.distance_m = own->distance_m.data();
+    job.share = own->share.data();
+    job.vertex_count = own->vertex_count.data();
+    job.triangle_count = own->triangle_count.data();
+    job.sums = own->sums.data();
+    job.counters = own->counters.data();
+    THRONG_CUDA_TRY(launch_select(job, stream_), "select");
+    own->stage = ViewStage::kSelected;
+    return absl::OkStatus();
+  }
+
+  absl::Status allocate(ViewWork& view) override {
+    auto* own = dynamic_cast<CudaView*>(&view);
+    if (absl::Status status =
+            check_stage("allocate", stage_of(own), ViewStage::kSelected, "select");
+        !status.ok()) {
+      return status;
+    }
+    own->stage = ViewStage::kSelected;
+    const std::uint32_t slots = own->instances->count;
+    std::size_t scratch_bytes = 0;
+    THRONG_CUDA_TRY(scan_scratch_bytes(slots + 1, scratch_bytes), "allocate");
+    THRONG_CUDA_TRY(own->vertex_offset.resize(slots + 1), "allocate");
+    THRONG_CUDA_TRY(own->triangle_offset.resize(slots + 1), "allocate");
+    AllocateJob job;
+    job.slots = slots;
+    job.vertex_count = own->vertex_count.data();
+    job.triangle_count = own->triangle_count.data();
+    job.vertex_offset = own->vertex_offset.data();
+    job.triangle_offset = own->triangle_offset.data();
+    THRONG_CUDA_TRY(launch_allocate(job, own->scratch.data(), scratch_bytes, stream_), "allocate");
+    // the one look of the host at a frame: how much room its buffers need
+    if (absl::Status status = read_counters(*own); !status.ok()) return status;
+    constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max();
+    if (own->seen.vertices > kMost || 3 * own->seen.triangles > kMost) {
+      return absl::ResourceExhaustedError(
+          absl::StrCat("allocate: ", own->seen.vertices, " vertices and ", 3 * own->seen.triangles,
+                       " indices, must each be at most ", kMost, "; lower the vertex budget"));
+    }
+    THRONG_CUDA_TRY(own->vertices.resize(own->seen.vertices), "allocate");
+    THRONG_CUDA_TRY(own->indices.resize(3 * own->seen.triangles), "allocate");
+    own->stage = ViewStage::kAllocated;
+    return absl::OkStatus();
+  }
+
+  absl::Status generate(ViewWork& view) override {
+    auto* own = dynamic_cast<CudaView*>(&view);
+    if (absl::Status status =
+            check_stage("generate", stage_of(own), ViewStage::kAllocated, "allocate");
+        !status.ok()) {
+      return status;
+    }
+    own->stage = ViewStage::kAllocated;
+    GenerateJob job;
+    job.cast = own->instances->cast->device();
+    job.visible = own->seen.visible;
+    job.most_joints = own->instances->cast->most_joints();
+    job.instance = own->visible.data();
+    job.state = own->instances->state.data();
+    job.vertex_offset = own->vertex_offset.data();
+    job.triangle_offset = own->triangle_offset.data();
+    job.vertices = own->vertices.data();
+    job.indices = own->indices.data();
+    THRONG_CUDA_TRY(launch_generate(job, stream_), "generate");
+    if (absl::Status status = read_geometry(*own); !status.ok()) return status;
+    own->stage = ViewStage::kGenerated;
+    return absl::OkStatus();
+  }
+
+  FrameGeometry geometry(const ViewWork& view) const override {
+    const auto* own = dynamic_cast<const CudaView*>(&view);
+    return own == nullptr || own->stage != ViewStage::kGenerated ? FrameGeometry() : own->geometry;
+  }
+
+  ComputeCounters counters(const ViewWork& view) const override {
+    const auto* own = dynamic_cast<const CudaView*>(&view);
+    ComputeCounters counters;
+    if (own == nullptr || own->stage < ViewStage::kCulled) return counters;
+    counters.agents = own->instances->present;
+    DeviceCounters seen = own->seen;
+    if (own->stage < ViewStage::kAllocated &&
+        (cudaMemcpyAsync(&seen, own->counters.data(), sizeof seen, cudaMemcpyDeviceToHost,
+                         stream_) != cudaSuccess ||
+         cudaStreamSynchronize(stream_) != cudaSuccess)) {
+      return counters;
+    }
+    counters.visible = seen.visible;
+    if (own->stage < ViewStage::kSelected) return counters;
+    counters.vertices = seen.vertices;
+    counters.triangles = seen.triangles;
+    counters.effective_budget = seen.effective_budget;
+    return counters;
+  }
+
+  absl::Status read_visible(const ViewWork& view, std::span<std::uint8_t> visible) override {
+    const auto* own = dynamic_cast<const CudaView*>(&view);
+    if (absl::Status status =
+            check_stage("read_visible", stage_of(own), ViewStage::kCulled, "cull");
+        !status.ok()) {
+      return status;
+    }
+    if (visible.size() != own->instances->count) {
+      return absl::InvalidArgumentError(absl::StrCat("read_visible: visible has ", visible.size(),
+                                                     " elements, must have ",
+                                                     own->instances->count));
+    }
+    THRONG_CUDA_TRY(cudaMemcpyAsync(visible.data(), own->mask.data(), visible.size(),
+                                    cudaMemcpyDeviceToHost, stream_),
+                    "read_visible");
+    THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), "read_visible");
+    return absl::OkStatus();
+  }
+
+ private:
+  /// Page-locked memory that one snapshot after the other is copied through.
+  struct Staging {
+    PinnedBuffer bytes;
+    cudaEvent_t copied = nullptr;
+  };
+
+  CudaBackend() = default;
+
+  absl::Status begin() {
+    THRONG_CUDA_TRY(cudaSetDevice(0), "device 0");
+    THRONG_CUDA_TRY(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "device 0");
+    for (Staging& staging : staging_) {
+      THRONG_CUDA_TRY(cudaEventCreateWithFlags(&staging.copied, cudaEventDisableTiming),
+                      "device 0");
+    }
+    THRONG_CUDA_TRY(probe_kernels(stream_), "device 0 can't run the built kernels");
+    THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), "device 0");
+    return absl::OkStatus();
+  }
+
+  static const ViewStage* stage_of(const CudaView* view) {
+    return view == nullptr ? nullptr : &view->stage;
+  }
+
+  /// Copies packed columns to the device, through the staging memory whose last copy is done.
+  cudaError_t copy(const Packer& packer, DeviceBuffer<std::byte>& to) {
+    Staging& staging = staging_[next_staging_];
+    next_staging_ = (next_staging_ + 1) % staging_.size();
+    if (const cudaError_t error = cudaEventSynchronize(staging.copied); error != cudaSuccess) {
+      return error;
+    }
+    const std::size_t size_bytes = packer.size_bytes();
+    if (const cudaError_t error = staging.bytes.resize(size_bytes); error != cudaSuccess) {
+      return error;
+    }
+    if (const cudaError_t error = to.resize(size_bytes); error != cudaSuccess) return error;
+    packer.write(staging.bytes.data());
+    if (const cudaError_t error = cudaMemcpyAsync(to.data(), staging.bytes.data(), size_bytes,
+                                                  cudaMemcpyHostToDevice, stream_);
+        error != cudaSuccess) {
+      return error;
+    }
+    return cudaEventRecord(staging.copied, stream_);
+  }
+
+  /// Leaves the roster in roster_.
+  absl::Status upload_roster(const std::shared_ptr<const Roster>& roster) {
+    if (roster_ != nullptr && roster_->roster == roster) return absl::OkStatus();
+    auto result = std::make_shared<DeviceRoster>(stream_);
+    result->roster = roster;
+    Packer packer;
+    const std::size_t id = packer.add(roster->id, roster->id.size());
+    const std::size_t scale = packer.add(roster->scale, roster->scale.size());
+    const std::size_t seed = packer.add(roster->seed, roster->seed.size());
+    const std::size_t character = packer.add(roster->character, roster->character.size());
+    THRONG_CUDA_TRY(copy(packer, result->bytes), "upload: the roster");
+    const std::byte* base = result->bytes.data();
+    result->columns.id = reinterpret_cast<const std::uint64_t*>(base + id);
+    result->columns.scale = reinterpret_cast<const float*>(base + scale);
+    result->columns.seed = reinterpret_cast<const std::uint32_t*>(base + seed);
+    result->columns.character = reinterpret_cast<const std::uint16_t*>(base + character);
+    roster_ = std::move(result);
+    return absl::OkStatus();
+  }
+
+  absl::Status read_counters(CudaView& view) {
+    THRONG_CUDA_TRY(view.read_back.resize(sizeof(DeviceCounters)), "allocate");
+    THRONG_CUDA_TRY(cudaMemcpyAsync(view.read_back.data(), view.counters.data(),
+                                    sizeof(DeviceCounters), cudaMemcpyDeviceToHost, stream_),
+                    "allocate");
+    THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), "allocate");
+    std::memcpy(&view.seen, view.read_back.data(), sizeof view.seen);
+    return absl::OkStatus();
+  }
+
+  /// Copies the frame to the host, where today's rasterizers draw it from.
+  absl::Status read_geometry(CudaView& view) {
+    const std::size_t visible = view.seen.visible;
+    const std::size_t vertices = view.seen.vertices, indices = 3 * view.seen.triangles;
+    std::size_t size_bytes = 0;
+    const auto place = [&](std::size_t bytes) {
+      const std::size_t at = size_bytes;
+      size_bytes = (size_bytes + bytes + 63) / 64 * 64;
+      return at;
+    };
+    const std::size_t instance_at = place(visible * sizeof(VisibleInstance));
+    const std::size_t vertex_offset_at = place((visible + 1) * sizeof(std::uint32_t));
+    const std::size_t triangle_offset_at = place((visible + 1) * sizeof(std::uint32_t));
+    const std::size_t vertices_at = place(vertices * sizeof(BatchVertex));
+    const std::size_t indices_at = place(indices * sizeof(std::uint32_t));
+    THRONG_CUDA_TRY(view.read_back.resize(size_bytes), "generate");
+    auto* base = static_cast<std::byte*>(view.read_back.data());
+    const auto fetch = [&](std::size_t at, const void* from, std::size_t bytes) {
+      return bytes == 0 ? cudaSuccess
+                        : cudaMemcpyAsync(base + at, from, bytes, cudaMemcpyDeviceToHost, stream_);
+    };
+    THRONG_CUDA_TRY(fetch(instance_at, view.visible.data(), visible * sizeof(VisibleInstance)),
+                    "generate");
+    THRONG_CUDA_TRY(
+        fetch(vertex_offset_at, view.vertex_offset.data(), (visible + 1) * sizeof(std::uint32_t)),
+        "generate");
+    THRONG_CUDA_TRY(fetch(triangle_offset_at, view.triangle_offset.data(),
+                          (visible + 1) * sizeof(std::uint32_t)),
+                    "generate");
+    THRONG_CUDA_TRY(fetch(vertices_at, view.vertices.data(), vertices * sizeof(BatchVertex)),
+                    "generate");
+    THRONG_CUDA_TRY(fetch(indices_at, view.indices.data(), indices * sizeof(std::uint32_t)),
+                    "generate");
+    THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), "generate");
+    view.geometry = FrameGeometry();
+    view.geometry.instances = {reinterpret_cast<const VisibleInstance*>(base + instance_at),
+                               visible};
+    view.geometry.vertex_offset = {reinterpret_cast<const std::uint32_t*>(base + vertex_offset_at),
+                                   visible + 1};
+    view.geometry.triangle_offset = {
+        reinterpret_cast<const std::uint32_t*>(base + triangle_offset_at), visible + 1};
+    view.geometry.vertices = {reinterpret_cast<const BatchVertex*>(base + vertices_at), vertices};
+    view.geometry.indices = {reinterpret_cast<const std::uint32_t*>(base + indices_at), indices};
+    return absl::OkStatus();
+  }
+
+  cudaStream_t stream_ = nullptr;
+  std::mutex mutex_;  // guards what follows
+  std::shared_ptr<const CudaCast> cast_;
+  std::shared_ptr<const DeviceRoster> roster_;
+  std::array<Staging, 3> staging_;
+  std::size_t next_staging_ = 0;
+};
+
+}  // namespace
+}  // namespace cuda
+
+absl::StatusOr<std::unique_ptr<ComputeBackend>> make_cuda_backend() {
+  return cuda::CudaBackend::make();
+}
+
+}  // namespace throng::render

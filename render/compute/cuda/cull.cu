@@ -1,0 +1,54 @@
+#include <cub/device/device_scan.cuh>
+
+#include "render/compute/cuda/launch.hpp"
+#include "render/compute/element/visible.hpp"
+
+namespace throng::render::cuda {
+namespace {
+
+constexpr std::uint32_t kThreads = 256;
+
+__global__ void mask_kernel(CullJob job) {
+  const std::uint32_t slot = blockIdx.x * blockDim.x + threadIdx.x;
+  if (slot >= job.slots) return;
+  const glm::vec4 sphere = element::relative_sphere(job.sphere_m[slot], job.eye_offset_m);
+  const std::uint8_t is_visible = element::touches(job.frustum, sphere) ? 1 : 0;
+  job.mask[slot] = is_visible;
+  job.order[slot] = is_visible;
+}
+
+__global__ void compact_kernel(CullJob job) {
+  const std::uint32_t slot = blockIdx.x * blockDim.x + threadIdx.x;
+  if (slot >= job.slots) return;
+  if (slot + 1 == job.slots) job.counters->visible = job.order[slot] + job.mask[slot];
+  if (job.mask[slot] == 0) return;
+  const std::uint32_t i = job.order[slot];
+  const glm::vec4 sphere_m = job.sphere_m[slot];
+  job.distance_m[i] = element::distance_of(element::relative_sphere(sphere_m, job.eye_offset_m));
+  job.visible[i] = element::make_visible(job.state[slot], sphere_m.w, slot, job.eye_offset_m);
+}
+
+}  // namespace
+
+cudaError_t scan_scratch_bytes(std::uint32_t count, std::size_t& bytes) {
+  bytes = 0;
+  return cub::DeviceScan::ExclusiveSum(nullptr, bytes, static_cast<const std::uint32_t*>(nullptr),
+                                       static_cast<std::uint32_t*>(nullptr), count);
+}
+
+cudaError_t launch_cull(const CullJob& job, void* scratch, std::size_t scratch_bytes,
+                        cudaStream_t stream) {
+  if (job.slots == 0) return cudaMemsetAsync(job.counters, 0, sizeof *job.counters, stream);
+  const std::uint32_t blocks = (job.slots + kThreads - 1) / kThreads;
+  mask_kernel<<<blocks, kThreads, 0, stream>>>(job);
+  if (const cudaError_t error = cudaGetLastError(); error != cudaSuccess) return error;
+  if (const cudaError_t error = cub::DeviceScan::ExclusiveSum(scratch, scratch_bytes, job.order,
+                                                              job.order, job.slots, stream);
+      error != cudaSuccess) {
+    return error;
+  }
+  compact_kernel<<<blocks, kThreads, 0, stream>>>(job);
+  return cudaGetLastError();
+}
+
+}  // namespace throng::render::cuda

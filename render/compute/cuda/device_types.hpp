@@ -1,0 +1,114 @@
+#pragma once
+
+#include <cstdint>
+#include <glm/glm.hpp>
+
+#include "render/compute/element/advance.hpp"
+#include "render/compute/element/frustum.hpp"
+#include "render/compute/element/gait.hpp"
+#include "render/compute/element/rate_search.hpp"
+#include "render/compute/element/selection.hpp"
+#include "render/compute/element/skinning.hpp"
+#include "throng/render/vertex.hpp"
+
+// What lies in device memory and what the kernels are given. GLM and elements only.
+namespace throng::render::cuda {
+
+/// A character's place in the concatenated arrays of the cast.
+struct DeviceCharacter {
+  element::Gait gait;
+  glm::vec4 bounds;
+  std::uint32_t vertex_count = 0;    // C
+  std::uint32_t coarsest_count = 0;  // n_min
+  std::uint32_t joint_count = 0;
+  std::uint32_t first_vertex = 0;    // of vertex, uv, collapse_target
+  std::uint32_t first_triangle = 0;  // of triangle
+  std::uint32_t first_count = 0;     // of triangle_count_at and legal_count, C + 1 each
+  std::uint32_t first_matrix = 0;    // of palette: frame 0, joint 0
+};
+
+/// All characters' sections, one array a kind.
+struct DeviceCast {
+  const DeviceCharacter* character = nullptr;
+  const element::SourceVertex* vertex = nullptr;
+  const glm::u16vec2* uv = nullptr;
+  const std::uint32_t* collapse_target = nullptr;
+  const glm::uvec3* triangle = nullptr;
+  const std::uint32_t* triangle_count_at = nullptr;
+  const std::uint32_t* legal_count = nullptr;
+  const element::JointMatrix* palette = nullptr;
+};
+
+/// What the host reads back once a frame.
+struct DeviceCounters {
+  std::uint32_t visible = 0;  // V
+  std::uint64_t vertices = 0, triangles = 0;
+  std::uint64_t effective_budget = 0;
+};
+
+struct AdvanceJob {
+  DeviceCast cast;
+  element::SnapshotColumns shown, newer;
+  element::Between between;
+  bool same_roster = false;
+  std::int64_t scene_time_us = 0;
+  glm::vec4* sphere_m = nullptr;            // [I]
+  element::InstanceState* state = nullptr;  // [I]
+};
+
+struct CullJob {
+  element::Frustum frustum;
+  glm::dvec3 eye_offset_m{0.0};
+  std::uint32_t slots = 0;
+  const glm::vec4* sphere_m = nullptr;
+  const element::InstanceState* state = nullptr;
+  std::uint8_t* mask = nullptr;        // [I]
+  std::uint32_t* order = nullptr;      // [I] place in the visible list: prefix sum of the mask
+  VisibleInstance* visible = nullptr;  // [I], the first V are written
+  float* distance_m = nullptr;         // [I]
+  DeviceCounters* counters = nullptr;  // [1] visible is written
+};
+
+/// On the device from the first deal to the last; nothing of it is read back.
+struct SelectSums {
+  std::uint64_t shares = 0, least = 0, most = 0;
+  element::Deal deal;
+  element::RateSearch search;
+};
+
+struct SelectJob {
+  DeviceCast cast;
+  element::Projection projection;
+  std::uint64_t vertex_budget = 0;  // N
+  bool deal_again = true;           // LodRule::kBudget
+  std::uint32_t slots = 0;          // V is at most this
+  VisibleInstance* visible = nullptr;
+  const float* distance_m = nullptr;
+  std::uint32_t* share = nullptr;           // [I]
+  std::uint32_t* vertex_count = nullptr;    // [I+1] 0 from V on
+  std::uint32_t* triangle_count = nullptr;  // [I+1]
+  SelectSums* sums = nullptr;               // [1]
+  DeviceCounters* counters = nullptr;       // [1] visible is known
+};
+
+struct AllocateJob {
+  std::uint32_t slots = 0;
+  const std::uint32_t* vertex_count = nullptr;    // [I+1]
+  const std::uint32_t* triangle_count = nullptr;  // [I+1]
+  std::uint32_t* vertex_offset = nullptr;         // [I+1]
+  std::uint32_t* triangle_offset = nullptr;       // [I+1]
+};
+
+struct GenerateJob {
+  DeviceCast cast;
+  std::uint32_t visible = 0;      // V
+  std::uint32_t most_joints = 0;  // of a character, at most 256
+  const VisibleInstance* instance = nullptr;
+  const element::InstanceState* state = nullptr;
+  const std::uint32_t* vertex_offset = nullptr;    // [V+1]
+  const std::uint32_t* triangle_offset = nullptr;  // [V+1]
+  BatchVertex* vertices = nullptr;
+  std::uint32_t* indices = nullptr;
+};
+
+}  // namespace throng::render::cuda

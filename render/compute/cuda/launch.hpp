@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include <cstddef>
+#include <cstdint>
+
+#include "render/compute/cuda/device_types.hpp"
+
+// Every launch is asynchronous on `stream` and returns what the runtime said of it.
+namespace throng::render::cuda {
+
+cudaError_t launch_advance(const AdvanceJob& job, cudaStream_t stream);
+
+/// Mask, prefix sum and compaction: the visible list keeps the order of slots.
+/// @param scratch  scratch_bytes(slots) bytes of device memory.
+cudaError_t launch_cull(const CullJob& job, void* scratch, std::size_t scratch_bytes,
+                        cudaStream_t stream);
+
+/// Equation 1's shares, the rate that fits the budget, counts and their prefix sums.
+cudaError_t launch_select(const SelectJob& job, cudaStream_t stream);
+
+/// Exclusive prefix sums of vertex and triangle counts [V+1] and their totals.
+cudaError_t launch_allocate(const AllocateJob& job, void* scratch, std::size_t scratch_bytes,
+                            cudaStream_t stream);
+
+/// LOD mesh generation and skinning: a block for each instance.
+cudaError_t launch_generate(const GenerateJob& job, cudaStream_t stream);
+
+/// Runs an empty kernel: fails where the device can't run what was built.
+cudaError_t probe_kernels(cudaStream_t stream);
+
+/// Bytes of scratch memory that prefix sums over `count` elements want.
+cudaError_t scan_scratch_bytes(std::uint32_t count, std::size_t& bytes);
+
+}  // namespace throng::render::cuda
