@@ -1,6 +1,7 @@
 # THRONG_WITH_CUDA: true where the CUDA toolkit is found (THRONG_CUDA=AUTO) or asked for (ON).
 set(THRONG_WITH_CUDA OFF)
-if(NOT THRONG_CUDA STREQUAL "OFF")
+# The sanitizers know nothing of device code, so AUTO leaves it out beside them.
+if(NOT THRONG_CUDA STREQUAL "OFF" AND NOT (THRONG_CUDA STREQUAL "AUTO" AND THRONG_SANITIZE))
   include(CheckLanguage)
   check_language(CUDA)
   if(CMAKE_CUDA_COMPILER)
