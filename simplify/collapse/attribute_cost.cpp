@@ -14,7 +14,7 @@ constexpr float kTorn = 0.03F;        // of the size: texture stretched over a s
 constexpr float kTornColor = 0.50F;   // of the size: black becomes white
 constexpr float kBaredColor = 0.15F;  // of the size: a white eye goes from a black face
 constexpr float kNormal = 0.004F;     // of the size: normals at right angles
-constexpr float kJoint = 0.03F;       // of the size: moved by quite different joints
+constexpr float kJoint = 0.01F;  // of the size: moved by quite different joints; poses tell most
 constexpr std::uint32_t kColorSize_px = 128;
 
 float cross(const glm::vec2& a, const glm::vec2& b) { return a.x * b.y - a.y * b.x; }

@@ -182,7 +182,7 @@ class WedgeModule : public OpenMesh::Decimater::ModBaseT<HalfEdgeMesh> {
     const Phase& phase = kPhases[state_->phase];
     const PoseCost::Cost position = state_->poses.move_cost(a, b);
     const float share = vertex_share(state_->mesh.alive_wedges(a), state_->is_coarse());
-    float cost = share * (total(position) + state_->poses.extent_cost(a, b) +
+    float cost = share * (total(position) + state_->poses.extent_cost(a, b, state_->is_coarse()) +
                           state_->poses.area_m2(a) * state_->attributes.joint_cost(a, b));
     if (cost >= best_) return Base::ILLEGAL_COLLAPSE;
     look_around(info);

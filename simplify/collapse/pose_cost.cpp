@@ -15,10 +15,14 @@ constexpr float kSpring = 2.0e-3F;
 // An open border has no triangle on the other side that would hold it.
 constexpr float kBorder = 4.0F;
 constexpr float kSeam = 0.05F;
-// Points so near to the outermost one, as a share of the size, stand for it; the area that an
-// extent counts for, as a share of the size squared.
+// Points so near to the outermost one, as a share of the size, stand for it.
 constexpr float kOutermost = 0.04F;
-constexpr float kExtent = 0.01F;
+// How much a lost extent counts against the same distance in position. By the area of the point:
+// a fixed one would hold all of the many points there at fine levels (it cost up to 10 dB).
+constexpr float kExtent = 1.0F;
+constexpr float kCoarseExtent = 3.0F;
+// The area that the extent of a whole piece counts for, as a share of the size squared.
+constexpr float kPieceExtent = 0.01F;
 
 }  // namespace
 
@@ -154,7 +158,7 @@ PoseCost::Cost PoseCost::move_cost(std::uint32_t a, std::uint32_t b) const {
   return {mean, largest};
 }
 
-float PoseCost::extent_cost(std::uint32_t a, std::uint32_t b) const {
+float PoseCost::extent_cost(std::uint32_t a, std::uint32_t b, bool is_coarse) const {
   const std::uint32_t lanes = lanes_;
   const float outermost_m = kOutermost * size_m_;
   float sum = 0.0F;
@@ -173,10 +177,10 @@ float PoseCost::extent_cost(std::uint32_t a, std::uint32_t b) const {
       sum += weight_[l] * (lost_below + lost_above);
     }
   }
-  return extent_weight() * sum;
+  return (is_coarse ? kCoarseExtent : kExtent) * area_[a] * sum;
 }
 
-float PoseCost::extent_weight() const { return kExtent * size_m_ * size_m_; }
+float PoseCost::extent_weight() const { return kPieceExtent * size_m_ * size_m_; }
 
 bool PoseCost::breaks(std::uint32_t a, std::uint32_t b, std::uint32_t x, std::uint32_t y,
                       float least_cosine, float least_quality, bool bind_pose_only) const {

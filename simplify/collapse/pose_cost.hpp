@@ -30,8 +30,8 @@ class PoseCost {
   /// Mean over poses in m^4 of what the extents lose, if a is one of the outermost points along an
   /// axis and b lies farther inside. Quadrics shrink a shape to its trunk when few points are left;
   /// from afar the height of a person is what is seen.
-  float extent_cost(std::uint32_t a, std::uint32_t b) const;
-  /// Square metres that a lost extent counts for.
+  float extent_cost(std::uint32_t a, std::uint32_t b, bool is_coarse) const;
+  /// Square metres that the lost extent of a piece counts for.
   float extent_weight() const;
 
   /// True if in some pose the triangle (a, x, y), a moved to b, turns by more than the angle whose
