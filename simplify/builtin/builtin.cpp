@@ -1,5 +1,6 @@
 #include "simplify/builtin/builtin.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <glm/gtc/matrix_transform.hpp>
 
@@ -97,9 +98,19 @@ std::vector<std::string> builtin_names() {
   return names;
 }
 
-SourceCharacter make_builtin(const std::string& name) {
-  for (const Figure& figure : figures()) {
-    if (figure.name == name) return assemble(figure);
+SourceCharacter make_builtin(const std::string& name, const MeshCounts& counts) {
+  for (Figure figure : figures()) {
+    if (figure.name != name) continue;
+    if (counts.vertices > 0) {
+      // coarser tubes to start from; refinement fills up to the count
+      const float coarser =
+          0.6F * std::sqrt(static_cast<float>(counts.vertices) / figure.vertex_count);
+      figure.columns = std::max(8, 2 * static_cast<int>(0.5F * figure.columns * coarser));
+      figure.rows *= std::min(coarser, 1.0F);
+      figure.vertex_count = counts.vertices;
+    }
+    if (counts.uvs > 0) figure.uv_count = counts.uvs;
+    return assemble(figure);
   }
   SourceCharacter out;
   out.name = name;

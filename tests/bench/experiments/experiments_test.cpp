@@ -201,6 +201,35 @@ TEST(ProgramTest, Figure5IsTwoRowsOfPictures) {
   EXPECT_EQ(run("paper --selection-camera no/such.json").code, 3);
 }
 
+TEST(ProgramTest, Figure7AndPeng2011CompareWithInstancing) {
+  if (!is_there(kProgram) || !is_there(kCast + "/cast.json")) {
+    GTEST_SKIP() << "throng-bench or the built-in cast is not built";
+  }
+  const test::TemporaryFolder folder;
+  const std::string file = folder.file("figure7.json");
+  const Ran ran = run("paper --figure 7 --counts 3 --frames 1 --size 64x36 --json " + file);
+  if (ran.code == 4) GTEST_SKIP() << "no OpenGL: " << ran.output;
+  ASSERT_EQ(ran.code, 0) << ran.output;
+  std::ifstream stream(file);
+  const nlohmann::json json = nlohmann::json::parse(stream, nullptr, false);
+  ASSERT_EQ(json["rows"].size(), 1u);
+  const nlohmann::json& row = json["rows"][0];
+  // three agents are drawn at full detail by either
+  EXPECT_EQ(row["full detail, gl pseudo-instancing"]["triangles"],
+            row["full detail, visibility"]["triangles"]);
+
+  const std::string peng = folder.file("peng2011.json");
+  const Ran published = run("peng2011 --most 32 --frames 1 --size 64x36 --json " + peng);
+  ASSERT_EQ(published.code, 0) << published.output;
+  std::ifstream peng_stream(peng);
+  const nlohmann::json peng_json = nlohmann::json::parse(peng_stream, nullptr, false);
+  EXPECT_EQ(peng_json["triangles"], 2620);
+  ASSERT_EQ(peng_json["rows"].size(), 1u);
+  // as many triangles as published, within a hundredth
+  EXPECT_THAT(peng_json["rows"][0]["visibility"]["triangles"]["mean"].get<double>(),
+              DoubleNear(40056, 400));
+}
+
 TEST(ProgramTest, QualityRisesWithTheBudget) {
   if (!is_there(kProgram) || !is_there(kCast + "/cast.json")) {
     GTEST_SKIP() << "throng-bench or the built-in cast is not built";

@@ -37,6 +37,8 @@ constexpr const char* kFooter = R"(Examples:
   throng-bench paper --frames 20 --budgets 1,5 --raster gl
   throng-bench paper --size 1920x1080 --json paper.json
   throng-bench paper --selection-camera main.json --reference-camera far.json -o figure5.png
+  throng-bench paper --figure 7 --counts 1000,5000,20000
+  throng-bench peng2011 --most 8192
   throng-bench quality --agents 1000 --budgets 0.25,1 --pictures out
   throng-bench raster                                 visibility against OpenGL on llvmpipe
 
@@ -88,6 +90,7 @@ struct Flags {
   bool no_shadows = false;
   Common common;
   PaperOptions paper;
+  PengOptions peng;
   QualityOptions quality;
   RasterOptions raster_pairs;
 };
@@ -148,7 +151,7 @@ int run(int argc, char** argv) {
 
   int figure = 0;
   paper->add_option("--figure", figure, "Draw this figure instead of the table")
-      ->check(CLI::IsMember({5}));
+      ->check(CLI::IsMember({5, 7}));
   paper
       ->add_option("--selection-camera", flags.paper.selection_camera,
                    "Figure 5 with the levels that this camera chooses")
@@ -160,6 +163,27 @@ int run(int argc, char** argv) {
   paper->add_option("-o,--output", flags.paper.output, "Figure 5: the picture")
       ->capture_default_str()
       ->type_name("FILE.png");
+
+  paper
+      ->add_option("--pictures", flags.paper.pictures, "Figure 7: write what each way draws as PNG")
+      ->type_name("DIR");
+  paper->add_option("--counts", flags.paper.counts, "Figure 7: numbers of instances")
+      ->delimiter(',')
+      ->capture_default_str()
+      ->check(CLI::Range(1U, 1'000'000U))
+      ->type_name("I,I,...");
+
+  CLI::App* peng = app.add_subcommand(
+      "peng2011", "Peng et al. 2011, tables 1 and 2: one character, 32 to 32,768");
+  add_common(*peng, flags);
+  peng->add_option("--frames", flags.peng.frames, "Frames of each row")
+      ->capture_default_str()
+      ->check(CLI::Range(1U, 1000U));
+  peng->add_option("--most", flags.peng.most, "Leave out rows with more instances")
+      ->capture_default_str()
+      ->check(CLI::Range(32U, 32768U));
+  peng->add_option("--pictures", flags.peng.pictures, "Write a picture of each row as PNG")
+      ->type_name("DIR");
 
   CLI::App* quality =
       app.add_subcommand("quality", "PSNR, SSIM and flicker of budgets against full detail");
@@ -200,7 +224,15 @@ int run(int argc, char** argv) {
     return static_cast<int>(kUsage);
   };
   if (!flags.paper.selection_camera.empty() || !flags.paper.reference_camera.empty()) figure = 5;
+  if (figure == 7) {
+    if (paper->count("--budgets") == 0) flags.paper.budgets_million = {5, 10};
+    if (paper->count("--frames") == 0) flags.paper.frames = 5;
+  }
   if (figure == 5) {
+    if (figure == 7) {
+      if (paper->count("--budgets") == 0) flags.paper.budgets_million = {5, 10};
+      if (paper->count("--frames") == 0) flags.paper.frames = 5;
+    }
     if (flags.size.empty()) flags.size = "640x360";
     if (paper->count("--budgets") == 0) flags.paper.budgets_million = {1, 6, 10};
   }
@@ -234,9 +266,11 @@ int run(int argc, char** argv) {
   std::signal(SIGTERM, on_signal);
   absl::Status status;
   if (*paper) {
-    status =
-        figure == 5 ? run_figure5(flags.common, flags.paper) : run_paper(flags.common, flags.paper);
+    status = figure == 5   ? run_figure5(flags.common, flags.paper)
+             : figure == 7 ? run_figure7(flags.common, flags.paper)
+                           : run_paper(flags.common, flags.paper);
   }
+  if (*peng) status = run_peng2011(flags.common, flags.peng);
   if (*quality) status = run_quality(flags.common, flags.quality);
   if (*raster) status = run_raster(flags.common, flags.raster_pairs);
   if (stop_signal != 0) return 128 + stop_signal;

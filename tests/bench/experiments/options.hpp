@@ -32,6 +32,9 @@ struct PaperOptions {
   // figure 5: who chooses the levels, and from where they are looked at (empty: the bench's own)
   std::string selection_camera, reference_camera;
   std::string output = "figure5.png";
+  // figure 7
+  std::vector<std::uint32_t> counts{1000, 2000, 5000, 10000, 20000};
+  std::string pictures;  // folder, empty: none
 };
 
 struct RasterOptions {
@@ -39,6 +42,12 @@ struct RasterOptions {
   unsigned gl_samples = 1;  // a pixel, of what is timed: 1 (then edges are smoothed) or 4
   double scale = 1.0;       // of the instances, for tests
   std::string pictures;     // folder for the pictures that are compared, empty: none
+};
+
+struct PengOptions {
+  std::uint32_t frames = 5;
+  std::uint32_t most = 32768;  // rows with more instances are left out
+  std::string pictures;        // folder, empty: none
 };
 
 struct QualityOptions {
@@ -57,6 +66,12 @@ absl::Status run_paper(const Common& common, const PaperOptions& options);
 
 /// Its figure 5: levels chosen by one camera, drawn from another.
 absl::Status run_figure5(const Common& common, const PaperOptions& options);
+
+/// Its figure 7: frame rate over the number of instances, against instancing.
+absl::Status run_figure7(const Common& common, const PaperOptions& options);
+
+/// Peng et al. 2011, tables 1 and 2 and figure 5.
+absl::Status run_peng2011(const Common& common, const PengOptions& options);
 
 /// PSNR, SSIM and flicker of budgets (design: quality is measured).
 absl::Status run_quality(const Common& common, const QualityOptions& options);

@@ -9,6 +9,7 @@
 #include "bench/experiments/options.hpp"
 #include "bench/experiments/report.hpp"
 #include "bench/experiments/table.hpp"
+#include "bench/experiments/triangle_count.hpp"
 #include "bench/experiments/walkthrough.hpp"
 
 namespace throng::bench {
@@ -80,77 +81,6 @@ absl::Status measure_all(const Common& common, const PaperOptions& options,
   }
   return absl::OkStatus();
 }
-
-/// Mean triangles of frames of the walkthrough at a budget, without drawing them.
-class TriangleCount {
- public:
-  static absl::StatusOr<TriangleCount> make(const Common& common, const PaperOptions& options) {
-    TriangleCount count;
-    count.viewport_ = common.viewport;
-    count.rule_ = options.lod;
-    auto backend = render::make_backend(render::BackendKind::kCpu, common.threads);
-    if (!backend.ok()) return backend.status();
-    count.backend_ = *std::move(backend);
-    if (auto status = count.backend_->upload(common.cast); !status.ok()) return status;
-    auto walkthrough = Walkthrough::make(common.cast, options.agents, options.camera_path);
-    if (!walkthrough.ok()) return walkthrough.status();
-    const std::uint32_t frames = std::min(options.frames, 25U);
-    for (std::uint32_t i = 0; i < frames; ++i) {
-      const auto frame =
-          static_cast<std::uint32_t>(std::uint64_t{i} * Walkthrough::kFrames / frames);
-      if (auto status = walkthrough->advance_to(frame); !status.ok()) return status;
-      const std::int64_t time_us = Walkthrough::time_us(frame);
-      const render::Bracket bracket = walkthrough->crowd().bracket(time_us);
-      auto older = count.backend_->upload(bracket.older);
-      if (!older.ok()) return older.status();
-      auto newer = count.backend_->upload(bracket.newer);
-      if (!newer.ok()) return newer.status();
-      auto instances =
-          count.backend_->advance(**older, **newer, time_us, walkthrough->crowd().settings(), -1);
-      if (!instances.ok()) return instances.status();
-      auto view = count.backend_->make_view();
-      if (!view.ok()) return view.status();
-      if (auto status =
-              count.backend_->cull(**view, *instances, walkthrough->camera(frame), count.viewport_);
-          !status.ok()) {
-        return status;
-      }
-      count.views_.push_back(*std::move(view));
-    }
-    return count;
-  }
-
-  absl::StatusOr<double> mean_at(double budget_million) {
-    double sum = 0;
-    for (const auto& view : views_) {
-      render::Selection selection;
-      selection.vertex_budget = static_cast<std::uint64_t>(budget_million * 1e6);
-      selection.rule = rule_;
-      if (auto status = backend_->select(*view, selection); !status.ok()) return status;
-      sum += static_cast<double>(backend_->counters(*view).triangles);
-    }
-    return views_.empty() ? 0.0 : sum / static_cast<double>(views_.size());
-  }
-
-  /// The budget whose mean is closest to so many triangles.
-  absl::StatusOr<double> budget_for(double triangles) {
-    double low = 0.0, high = 200.0;
-    for (int round = 0; round < 24; ++round) {
-      const double middle = 0.5 * (low + high);
-      const absl::StatusOr<double> mean = mean_at(middle);
-      if (!mean.ok()) return mean.status();
-      (*mean < triangles ? low : high) = middle;
-    }
-    return 0.5 * (low + high);
-  }
-
- private:
-  TriangleCount() = default;
-  std::unique_ptr<render::ComputeBackend> backend_;
-  std::vector<std::unique_ptr<render::ViewWork>> views_;
-  render::Viewport viewport_;
-  render::LodRule rule_ = render::LodRule::kDong2019;
-};
 
 std::string times(double ours, double theirs) {
   return theirs > 0 && ours > 0 ? fixed(ours / theirs, 2) : "-";
@@ -225,8 +155,21 @@ absl::Status run_paper(const Common& common, const PaperOptions& options) {
         {budget, options.agents == Walkthrough::kAgents ? paper_row(budget) : nullptr, false, {}});
   }
   if (options.equal_triangles && options.agents == Walkthrough::kAgents) {
-    auto count = TriangleCount::make(common, options);
+    auto count = TriangleCount::make(common.cast, common.threads, common.viewport, options.lod);
     if (!count.ok()) return count.status();
+    auto walkthrough = Walkthrough::make(common.cast, options.agents, options.camera_path);
+    if (!walkthrough.ok()) return walkthrough.status();
+    const std::uint32_t frames = std::min(options.frames, 25U);
+    for (std::uint32_t i = 0; i < frames; ++i) {
+      const auto frame =
+          static_cast<std::uint32_t>(std::uint64_t{i} * Walkthrough::kFrames / frames);
+      if (auto status = walkthrough->advance_to(frame); !status.ok()) return status;
+      if (auto status = count->add(walkthrough->crowd(), Walkthrough::time_us(frame),
+                                   walkthrough->camera(frame));
+          !status.ok()) {
+        return status;
+      }
+    }
     for (const double budget : options.budgets_million) {
       const PaperRow* row = paper_row(budget);
       if (row == nullptr) continue;

@@ -194,5 +194,13 @@ TEST_P(BuiltinTest, TextureIsFullSizeAndEveryTintHasItsPlace) {
 INSTANTIATE_TEST_SUITE_P(Cast, BuiltinTest, testing::ValuesIn(kTable),
                          [](const auto& info) { return std::string(info.param.name); });
 
+// the character of Peng et al. (2011): 1,642 vertices after splitting, 2,620 triangles
+TEST(BuiltinCountsTest, CountsReplaceThoseOfTheRow) {
+  const SourceCharacter made = make_builtin("musician", {.vertices = 1312, .uvs = 1642});
+  EXPECT_EQ(made.triangles.size(), 2620u);
+  EXPECT_EQ(made.points.size(), 1312u);
+  EXPECT_NEAR(static_cast<double>(made.uvs.size()), 1642.0, 0.01 * 1642.0);
+}
+
 }  // namespace
 }  // namespace throng::builtin
