@@ -156,15 +156,6 @@ std::vector<std::string> format_names() {
           "menge-scb",       "trajnet-ndjson", "rvo2-text",    "jupedsim-hdf5"};
 }
 
-std::uint64_t hash_id(const std::string& name) {
-  std::uint64_t hash = 0xcbf29ce484222325u;
-  for (const char c : name) {
-    hash ^= static_cast<unsigned char>(c);
-    hash *= 0x100000001b3u;
-  }
-  return hash;
-}
-
 absl::StatusOr<std::unique_ptr<Reader>> open(const std::string& path, const ReadOptions& options) {
   struct stat status {};
   if (::stat(path.c_str(), &status) != 0) {

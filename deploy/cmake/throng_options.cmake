@@ -20,6 +20,9 @@ if(flags)
   add_link_options(${flags})
 endif()
 
+# A program needs the libraries that it calls, not those of all parts it is linked with.
+add_link_options(-Wl,--as-needed)
+
 find_program(THRONG_CCACHE ccache)
 if(THRONG_CCACHE)
   set(CMAKE_CXX_COMPILER_LAUNCHER ${THRONG_CCACHE})

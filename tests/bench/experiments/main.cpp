@@ -149,6 +149,11 @@ int run(int argc, char** argv) {
       ->capture_default_str()
       ->check(CLI::Range(1U, Walkthrough::kFrames));
 
+  std::string compute = "cpu";
+  paper->add_option("--compute", compute, "What the stages before the rasterizer run on")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"cpu", "cuda"}));
+
   int figure = 0;
   paper->add_option("--figure", figure, "Draw this figure instead of the table")
       ->check(CLI::IsMember({5, 7}));
@@ -240,6 +245,7 @@ int run(int argc, char** argv) {
   if (!parse_size(flags.size, flags.common.viewport)) {
     return usage("--size: '" + flags.size + "' must be WxH with 1 to 16384 px a side");
   }
+  flags.paper.compute = compute == "cuda" ? render::BackendKind::kCuda : render::BackendKind::kCpu;
   flags.paper.raster = flags.quality.raster =
       flags.raster == "gl" ? render::RasterKind::kGl : render::RasterKind::kVisibility;
   if (!flags.lod.empty()) {

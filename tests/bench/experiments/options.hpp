@@ -25,6 +25,7 @@ struct PaperOptions {
   std::uint32_t agents = 30000;
   std::vector<double> budgets_million{1, 5, 10, 15, 20};
   std::uint32_t frames = 100;  // of the walkthrough's 1,000, evenly spread
+  render::BackendKind compute = render::BackendKind::kCpu;
   render::RasterKind raster = render::RasterKind::kVisibility;
   render::LodRule lod = render::LodRule::kDong2019;
   bool equal_triangles = true;  // also at the triangles of the paper's rows

@@ -41,9 +41,10 @@ absl::Status measure_all(const Common& common, const PaperOptions& options,
                          std::vector<Config>& configs) {
   auto walkthrough = Walkthrough::make(common.cast, options.agents, options.camera_path);
   if (!walkthrough.ok()) return walkthrough.status();
-  auto pipeline = render::FramePipeline::make(
-      common.cast,
-      {.raster = options.raster, .threads = common.threads, .measure_cpu_times = true});
+  auto pipeline = render::FramePipeline::make(common.cast, {.backend = options.compute,
+                                                            .raster = options.raster,
+                                                            .threads = common.threads,
+                                                            .measure_cpu_times = true});
   if (!pipeline.ok()) return pipeline.status();
 
   render::ViewSettings view;
