@@ -197,6 +197,7 @@ int main(int argc, char** argv) {
   report_options.jobs = std::max(1U, std::thread::hardware_concurrency());
   report_options.python = "python3";
   bool report_json = false;
+  std::vector<float> attribute_weights;
   report->add_option("cast", report_options.inputs, "Folder of a cast, or .throng files")
       ->required();
   report->add_option("-o,--out", report_options.folder, "Folder of the report")->required();
@@ -213,6 +214,11 @@ int main(int argc, char** argv) {
                    "Python that has the package meshoptimizer, for its attribute-aware\n"
                    "simplification; '' leaves it out")
       ->capture_default_str();
+  report
+      ->add_option("--attribute-weights", attribute_weights,
+                   "What normals and texture coordinates weigh there (default 0.2 1)")
+      ->expected(2)
+      ->check(CLI::Range(0.0, 1000.0));
   report
       ->add_option("--peng2011", report_options.peng2011,
                    "Adds figures 2 and 3 of Peng et al. 2011 with this character of the\n"
@@ -247,6 +253,10 @@ int main(int argc, char** argv) {
   if (criterion == "peng2011") options.bake.criterion = throng::simplify::Criterion::kPeng2011;
 
   if (*inspect) return run_inspect(inspected, as_json);
+  if (attribute_weights.size() == 2) {
+    report_options.measure.attribute_weights.normal = attribute_weights[0];
+    report_options.measure.attribute_weights.uv = attribute_weights[1];
+  }
   if (*report) return run_report(report_options, report_json);
   if (*sheet) {
     const absl::Status status = throng::simplify::write_sheet(sheet_options);

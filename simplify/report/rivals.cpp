@@ -25,6 +25,7 @@ namespace {
 
 constexpr float kAnyError = 1.0e6F;  // triangles are given, whatever it costs
 constexpr std::uint32_t kAttributes = 5;
+constexpr std::uint32_t kPruneOption = 8;  // meshopt_SimplifyPrune
 
 /// Reads vertices and indices, simplifies to each target and writes the index buffers. The package
 /// (0.2.30a0) forgets to say which arguments this function takes, without which ctypes refuses
@@ -38,7 +39,7 @@ lib.meshopt_simplifyWithAttributes.argtypes = [
     uints, uints, size, floats, size, size, floats, size, floats, size, c.POINTER(c.c_ubyte),
     size, c.c_float, c.c_uint, floats]
 with open(sys.argv[1], 'rb') as f:
-    vertices, indices, targets, attributes = np.frombuffer(f.read(16), np.uint32).tolist()
+    vertices, indices, targets, attributes, prune = np.frombuffer(f.read(20), np.uint32).tolist()
     target = np.frombuffer(f.read(4 * targets), np.uint32)
     weight = np.frombuffer(f.read(4 * attributes), np.float32)
     position = np.frombuffer(f.read(12 * vertices), np.float32).reshape(vertices, 3)
@@ -47,9 +48,15 @@ with open(sys.argv[1], 'rb') as f:
     index = np.frombuffer(f.read(4 * indices), np.uint32)
 with open(sys.argv[2], 'wb') as f:
     for t in target.tolist():
-        out = np.zeros(indices, np.uint32)
-        n = m.simplify_with_attributes(out, index, position, attribute, weight,
-                                       target_index_count=3 * t, target_error=1e6)
+        for options in (0, prune):
+            other = np.zeros(indices, np.uint32)
+            count = m.simplify_with_attributes(other, index, position, attribute, weight,
+                                            target_index_count=3 * t, target_error=1e6,
+                                            options=options)
+            if options == 0 or 1.5 * t <= count < n:
+                n, out = count, other
+            if n <= 3.06 * t:
+                break
         f.write(np.array([n], np.uint32).tobytes() + out[:n].tobytes())
 )";
 constexpr const char* kVersionScript = R"(
@@ -175,10 +182,11 @@ absl::StatusOr<std::vector<LevelMesh>> simplify_with_attributes(
   {
     std::ofstream file(folder.file("in"), std::ios::binary);
     const std::uint32_t header[] = {character.vertex_count(), 3 * character.triangle_count(),
-                                    static_cast<std::uint32_t>(triangles.size()), kAttributes};
+                                    static_cast<std::uint32_t>(triangles.size()), kAttributes,
+                                    kPruneOption};
     const float weight[kAttributes] = {weights.normal, weights.normal, weights.normal, weights.uv,
                                        weights.uv};
-    write_values(file, header, 4);
+    write_values(file, header, std::size(header));
     write_values(file, triangles.data(), triangles.size());
     write_values(file, weight, kAttributes);
     write_values(file, character.position.data(), character.position.size());
