@@ -47,6 +47,7 @@ struct FramePipeline::State {
   std::unique_ptr<Rasterizer> rasterizer;
   std::unique_ptr<ViewWork> view;
   std::string backend_name;
+  GeometryKind geometry = GeometryKind::kBatched;
   bool measure_cpu_times = false;
 
   // What was uploaded last. Views that look at one crowd ask for the same two snapshots, and the
@@ -121,6 +122,13 @@ absl::StatusOr<std::unique_ptr<FramePipeline>> FramePipeline::make(
   auto rasterizer = make_rasterizer(options.raster, options.threads);
   if (!rasterizer.ok()) return rasterizer.status();
   state.rasterizer = *std::move(rasterizer);
+  const bool takes_fused = state.rasterizer->takes_fused();
+  state.geometry =
+      options.geometry.value_or(takes_fused ? GeometryKind::kFused : GeometryKind::kBatched);
+  if (state.geometry == GeometryKind::kFused && !takes_fused) {
+    return absl::InvalidArgumentError(absl::StrCat("make: ", state.rasterizer->info().name,
+                                                   " draws batched geometry only, not fused"));
+  }
   if (absl::Status status = state.backend->upload(cast); !status.ok()) return status;
   if (absl::Status status = state.rasterizer->upload(cast); !status.ok()) return status;
   auto view = state.backend->make_view();
@@ -147,7 +155,10 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
     absl::Status status = state.backend->cull(view, *instances, settings.camera, settings.viewport);
     if (!status.ok()) return status;
     clock.stop(&StageTimes::cull_ms);
-    status = state.backend->select(view, settings.selection);
+    Selection selection = settings.selection;
+    selection.pose_mode = settings.pose_mode;
+    selection.geometry = state.geometry;
+    status = state.backend->select(view, selection);
     if (!status.ok()) return status;
     clock.stop(&StageTimes::select_ms);
     status = state.backend->allocate(view);

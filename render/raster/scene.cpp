@@ -86,14 +86,20 @@ void shade_instances(const FrameGeometry& geometry, const Cast& cast, const Scen
     const float distance_m =
         scene.orthographic ? 1.0F : std::max(glm::length(instance.position_relative), 0.1F);
     shade.size_px = shade.height_m * scene.px_per_tangent / distance_m;
-    if (scene.shadows && shade.size_px > kCastShadowFromPx) {
+    const bool has_vertices =
+        geometry.shared.empty() || geometry.shared[i].level == SharedInstance::kOwn;
+    if (scene.shadows && shade.size_px > kCastShadowFromPx && has_vertices) {
       casters.push_back(static_cast<std::uint32_t>(i));
     }
   }
   std::sort(casters.begin(), casters.end(), [&](std::uint32_t a, std::uint32_t b) {
     return shades[a].size_px != shades[b].size_px ? shades[a].size_px > shades[b].size_px : a < b;
   });
-  std::uint64_t room = std::max<std::uint64_t>(60'000, geometry.indices.size() / 3 / 3);
+  std::uint64_t triangles_drawn = 0;
+  for (const VisibleInstance& instance : geometry.instances) {
+    triangles_drawn += instance.triangle_count;
+  }
+  std::uint64_t room = std::max<std::uint64_t>(60'000, triangles_drawn / 3);
   std::size_t kept = 0;
   for (; kept < casters.size(); ++kept) {
     const std::uint32_t i = casters[kept];

@@ -30,17 +30,19 @@ class Buffer {
 
   /// Makes room for `size` elements whose values are unspecified. Throws std::bad_alloc.
   void resize(std::size_t size) {
-    if (size > capacity_) {
-      const std::size_t capacity = size + size / 2;  // a crowd that grows slowly allocates rarely
-      T* data = static_cast<T*>(::operator new(capacity * sizeof(T), kAlignment));
-      free();
-      data_ = data;
-      capacity_ = capacity;
-    }
+    // a crowd that grows slowly allocates rarely
+    if (size > capacity_) allocate(size + size / 2);
+    size_ = size;
+  }
+
+  /// As `resize`, with no room to grow. Throws std::bad_alloc.
+  void resize_exactly(std::size_t size) {
+    if (size > capacity_) allocate(size);
     size_ = size;
   }
 
   std::size_t size() const { return size_; }
+  std::size_t size_bytes() const { return capacity_ * sizeof(T); }
   T* data() { return data_; }
   const T* data() const { return data_; }
   T& operator[](std::size_t i) { return data_[i]; }
@@ -49,6 +51,12 @@ class Buffer {
 
  private:
   static constexpr std::align_val_t kAlignment{64};
+  void allocate(std::size_t capacity) {
+    T* data = static_cast<T*>(::operator new(capacity * sizeof(T), kAlignment));
+    free();
+    data_ = data;
+    capacity_ = capacity;
+  }
   void free() {
     if (data_ != nullptr) ::operator delete(data_, kAlignment);
   }

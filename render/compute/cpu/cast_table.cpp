@@ -56,22 +56,8 @@ void order_joints(CharacterTable& table, std::uint32_t joint_count) {
 
 std::vector<LadderLevel> make_ladder(const Character& character) {
   std::vector<LadderLevel> ladder;
-  std::uint32_t n = character.vertex_count();
-  for (;;) {
-    LadderLevel& level = ladder.emplace_back();
-    level.vertex_count = n;
-    const std::uint32_t triangles = character.triangle_count_at[n];
-    level.corner.resize(std::size_t{3} * triangles);
-    for (std::uint32_t t = 0; t < triangles; ++t) {
-      for (int i = 0; i < 3; ++i) {
-        std::uint32_t corner = character.triangle[t][i];
-        while (corner >= n) corner = character.collapse_target[corner];
-        level.corner[3 * t + i] = corner;
-      }
-    }
-    if (n <= character.coarsest_count) break;
-    const std::uint32_t next = character.legal_count[n - std::max(1U, n / 5)];
-    n = std::max(next, character.coarsest_count);
+  for (const std::uint32_t n : level_counts(character)) {
+    ladder.push_back({n, level_corners(character, n)});
   }
   std::reverse(ladder.begin(), ladder.end());
   return ladder;
@@ -103,6 +89,7 @@ absl::StatusOr<std::shared_ptr<const CastTable>> make_cast_table(std::shared_ptr
     table->most_joints = std::max(table->most_joints, character.joint_count());
     table->most_vertices = std::max(table->most_vertices, character.vertex_count());
   }
+  table->levels = make_levels(*cast);
   table->cast = std::move(cast);
   return table;
 }

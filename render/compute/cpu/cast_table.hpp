@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "render/compute/cpu/levels.hpp"
 #include "render/compute/element/gait.hpp"
 #include "render/compute/element/skinning.hpp"
 #include "throng/render/asset.hpp"
@@ -48,6 +49,7 @@ struct CastTable {
   std::vector<CharacterTable> characters;
   std::uint32_t most_joints = 0;
   std::uint32_t most_vertices = 0;
+  LevelTable levels;
 };
 
 /// InvalidArgument names the member and what it lacks.

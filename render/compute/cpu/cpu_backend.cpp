@@ -166,7 +166,10 @@ class CpuBackend final : public ComputeBackend {
     try {
       // scratch is by worker and shared by the views, so one view is generated at a time
       const std::lock_guard lock(generate_mutex_);
-      render::generate(*own, machine(), scratch_);
+      own->stage = ViewStage::kAllocated;
+      if (absl::Status status = render::generate(*own, machine(), bank_, scratch_); !status.ok()) {
+        return status;
+      }
       own->stage = ViewStage::kGenerated;
       return absl::OkStatus();
     } catch (const std::bad_alloc&) {
@@ -177,8 +180,13 @@ class CpuBackend final : public ComputeBackend {
   FrameGeometry geometry(const ViewWork& view) const override {
     const auto* own = dynamic_cast<const CpuView*>(&view);
     if (own == nullptr || own->stage != ViewStage::kGenerated) return {};
-    return {own->visible.span(), own->vertex_offset.span(), own->triangle_offset.span(),
-            own->vertices.span(), own->indices.span()};
+    return {own->visible.span(),
+            own->vertex_offset.span(),
+            own->triangle_offset.span(),
+            own->vertices.span(),
+            own->indices.span(),
+            own->shared.span(),
+            own->posed != nullptr ? own->posed->data() : nullptr};
   }
 
   ComputeCounters counters(const ViewWork& view) const override {
@@ -193,6 +201,13 @@ class CpuBackend final : public ComputeBackend {
       counters.vertices += instance.vertex_count;
       counters.triangles += instance.triangle_count;
     }
+    for (const std::uint8_t tier : own->tier.span()) {
+      counters.shared_poses += tier != kOwnPose ? 1U : 0U;
+    }
+    counters.view_bytes = own->size_bytes();
+    if (own->stage < ViewStage::kGenerated) return counters;
+    counters.posed_meshes = own->posed_meshes;
+    counters.posed_bytes = own->posed_bytes;
     return counters;
   }
 
@@ -223,6 +238,7 @@ class CpuBackend final : public ComputeBackend {
   std::shared_ptr<const CastTable> cast_;
   std::shared_ptr<InstancesPool> instances_pool_ = std::make_shared<InstancesPool>();
   std::mutex generate_mutex_;
+  PosedBank bank_;  // guarded by generate_mutex_
   const Kernels& kernels_;
   WorkPool pool_;
   std::vector<WorkerScratch> scratch_;

@@ -11,7 +11,8 @@ void cull(CpuView& view, const Camera& camera, const Viewport& viewport, Machine
   view.projection = projection_of(camera, viewport);
   view.mask.resize(slots);
   CullJob job;
-  job.frustum = element::frustum_from(clip_from_relative(camera, viewport));
+  view.clip_from_relative = clip_from_relative(camera, viewport);
+  job.frustum = element::frustum_from(view.clip_from_relative);
   job.eye_offset_m = camera.eye_world - instances.origin_world;
   job.sphere_m = instances.sphere_m.data();
   job.state = instances.state.data();

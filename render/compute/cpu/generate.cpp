@@ -1,7 +1,11 @@
 #include <algorithm>
+#include <cstring>
+#include <limits>
 
 #include "render/compute/cpu/kernels.hpp"
 #include "render/compute/cpu/stages.hpp"
+#include "render/compute/element/octahedral.hpp"
+#include "render/compute/element/shared_pose.hpp"
 
 namespace throng::render {
 namespace {
@@ -17,14 +21,119 @@ void write_triangles(const Kernels& kernels, const CharacterTable& table,
                   instance.vertex_count, first_vertex, scratch, out);
 }
 
+/// Poses a character's first vertices in its model frame, by columns behind their box.
+void make_posed(const Kernels& kernels, const CharacterTable& table, std::uint32_t pose,
+                std::uint32_t stride, WorkerScratch& scratch, float* out) {
+  const std::uint32_t count = std::min(stride, table.character->vertex_count());
+  element::InstanceState state{};
+  state.placement = {1.0F, 0.0F, 1.0F};
+  state.pose = element::shared_pose(table.gait, pose);
+  VisibleInstance instance{};
+  instance.vertex_count = count;
+  scratch.vertices.resize(stride);
+  kernels.pose_palette(table, state, count, scratch.palette.data());
+  kernels.skin(table, instance, 0, scratch.palette.data(), scratch.vertices.data());
+  glm::vec3 low(std::numeric_limits<float>::max()), high(-low);
+  float* column = out + kPosedHeader;
+  for (std::uint32_t i = 0; i < stride; ++i) {
+    // beyond the last vertex it stands once more
+    const BatchVertex& vertex = scratch.vertices[std::min(i, count - 1)];
+    const glm::vec3& p = vertex.position_relative;
+    low = glm::min(low, p);
+    high = glm::max(high, p);
+    for (int k = 0; k < 3; ++k) column[k * stride + i] = p[k];
+    std::memcpy(column + 3 * stride + i, &vertex.normal, 4);
+  }
+  std::fill_n(out, kPosedHeader, 0.0F);
+  for (int k = 0; k < 3; ++k) {
+    out[k] = low[k];
+    out[3 + k] = high[k];
+  }
+}
+
+/// Sees to it that the bank has every shared agent's mesh.
+absl::Status find_meshes(CpuView& view, Machine machine, PosedBank& bank,
+                         std::vector<WorkerScratch>& scratch) {
+  const std::size_t count = view.visible.size();
+  const CpuInstances& instances = *view.instances;
+  const CastTable& cast = *instances.cast;
+  bank.use(instances.cast);
+  view.mesh.resize(count);
+  view.posed_meshes = 0;
+  std::vector<PosedBank::Want> wanted;
+  constexpr std::size_t kChunk = 1024;
+  for (int round = 0;; ++round) {
+    machine.pool.run((count + kChunk - 1) / kChunk, [&](std::size_t chunk, unsigned worker) {
+      const std::size_t end = std::min(count, (chunk + 1) * kChunk);
+      for (std::size_t v = chunk * kChunk; v < end; ++v) {
+        if (view.tier[v] == kOwnPose) continue;
+        const VisibleInstance& instance = view.visible[v];
+        const CharacterTable& table = cast.characters[instance.character];
+        view.mesh[v] = PosedBank::number_of(
+            instance.character,
+            element::shared_pose_of(instances.state[instance.slot].pose, table.gait, view.tier[v]));
+        const PosedBank::Want want{view.mesh[v], instance.vertex_count};
+        if (!bank.has(want)) scratch[worker].wanted.push_back(want);
+      }
+    });
+    wanted.clear();
+    for (WorkerScratch& own : scratch) {
+      wanted.insert(wanted.end(), own.wanted.begin(), own.wanted.end());
+      own.wanted.clear();
+    }
+    absl::StatusOr<bool> has_room = bank.reserve(wanted);
+    if (!has_room.ok()) return has_room.status();
+    if (*has_room) break;
+  }
+  view.posed = bank.block();
+  view.posed_bytes = bank.used_bytes();
+  view.posed_meshes = static_cast<std::uint32_t>(wanted.size());
+  machine.pool.run((wanted.size() + 15) / 16, [&](std::size_t chunk, unsigned worker) {
+    const std::size_t end = std::min(wanted.size(), 16 * (chunk + 1));
+    for (std::size_t k = 16 * chunk; k < end; ++k) {
+      const std::uint32_t number = wanted[k].mesh;
+      const PosedBank::Mesh& mesh = bank.mesh(number);
+      make_posed(machine.kernels, cast.characters[number / element::kSharedPoses],
+                 number % element::kSharedPoses, mesh.stride, scratch[worker],
+                 bank.data() + mesh.first);
+    }
+  });
+  return absl::OkStatus();
+}
+
+/// A shared agent in batched form.
+void place_posed(const float* posed, std::uint32_t stride, const CharacterTable& table,
+                 const element::Placement& placement, const VisibleInstance& instance,
+                 std::uint32_t visible, BatchVertex* out) {
+  const float* column = posed + kPosedHeader;
+  for (std::uint32_t i = 0; i < instance.vertex_count; ++i) {
+    const float x = column[i], y = column[stride + i], z = column[2 * stride + i];
+    out[i].position_relative =
+        instance.position_relative +
+        glm::vec3(x * placement.cosine_scale - y * placement.sine_scale,
+                  x * placement.sine_scale + y * placement.cosine_scale, z * placement.scale);
+    glm::i16vec2 packed;
+    std::memcpy(&packed, column + 3 * stride + i, 4);
+    const glm::vec3 n = element::unpack_octahedral(packed);
+    const std::uint32_t code = element::pack_octahedral(
+        n.x * placement.cosine_scale - n.y * placement.sine_scale,
+        n.x * placement.sine_scale + n.y * placement.cosine_scale, n.z * placement.scale);
+    std::memcpy(&out[i].normal, &code, sizeof code);
+    out[i].uv = table.vertex[i].uv;
+    out[i].visible = visible;
+  }
+}
+
 }  // namespace
 
-void generate(CpuView& view, Machine machine, std::vector<WorkerScratch>& scratch) {
+absl::Status generate(CpuView& view, Machine machine, PosedBank& bank,
+                      std::vector<WorkerScratch>& scratch) {
   const Kernels& kernels = machine.kernels;
   const std::size_t count = view.visible.size();
   const CpuInstances& instances = *view.instances;
   const CastTable& cast = *instances.cast;
-  if (count == 0) return;
+  view.shared.resize(view.geometry == GeometryKind::kFused ? count : 0);
+  if (count == 0) return absl::OkStatus();
 
   // chunks of about equal work: vertices, and a share for each instance's palette
   constexpr std::uint64_t kInstanceCost = 24;  // in vertices
@@ -48,12 +157,35 @@ void generate(CpuView& view, Machine machine, std::vector<WorkerScratch>& scratc
     own.palette.resize(cast.most_joints);
     own.corner.resize(cast.most_vertices);
   }
+  if (absl::Status status = find_meshes(view, machine, bank, scratch); !status.ok()) return status;
+  const LevelTable& levels = cast.levels;
   machine.pool.run(chunks, [&](std::size_t chunk, unsigned worker) {
     element::JointMatrix* palette = scratch[worker].palette.data();
     const std::size_t end = first_instance(chunk + 1);
     for (std::size_t v = first_instance(chunk); v < end; ++v) {
       const VisibleInstance& instance = view.visible[v];
       const CharacterTable& table = cast.characters[instance.character];
+      if (view.tier[v] != kOwnPose) {
+        const PosedBank::Mesh& mesh = bank.mesh(view.mesh[v]);
+        const element::Placement& placement = instances.state[instance.slot].placement;
+        const std::uint32_t level = levels.level_at[instance.character][instance.vertex_count];
+        if (view.geometry == GeometryKind::kFused) {
+          view.shared[v] = {
+              level, mesh.first, mesh.stride, placement.cosine_scale, placement.sine_scale, 0};
+          continue;
+        }
+        place_posed(bank.data() + mesh.first, mesh.stride, table, placement, instance,
+                    static_cast<std::uint32_t>(v), view.vertices.data() + view.vertex_offset[v]);
+        const Level& lod = levels.levels[level];
+        std::uint32_t* index = view.indices.data() + std::size_t{3} * view.triangle_offset[v];
+        for (std::uint32_t t = 0; t < lod.triangle_count; ++t) {
+          const std::uint32_t corners = levels.corners[lod.first_triangle + t];
+          for (int k = 0; k < 3; ++k) *index++ = view.vertex_offset[v] + corner_of(corners, k);
+        }
+        continue;
+      }
+      if (view.geometry == GeometryKind::kFused)
+        view.shared[v] = {SharedInstance::kOwn, 0, 0, 0, 0, 0};
       kernels.pose_palette(table, instances.state[instance.slot], instance.vertex_count, palette);
       kernels.skin(table, instance, static_cast<std::uint32_t>(v), palette,
                    view.vertices.data() + view.vertex_offset[v]);
@@ -62,6 +194,7 @@ void generate(CpuView& view, Machine machine, std::vector<WorkerScratch>& scratc
                       view.indices.data() + std::size_t{3} * view.triangle_offset[v]);
     }
   });
+  return absl::OkStatus();
 }
 
 }  // namespace throng::render

@@ -3,6 +3,7 @@
 
 #include "render/compute/cpu/kernels.hpp"
 #include "render/compute/cpu/stages.hpp"
+#include "render/compute/element/shared_pose.hpp"
 
 namespace throng::render {
 namespace {
@@ -36,7 +37,7 @@ class Dealer {
         const std::uint32_t most = character.vertex_count();
         const std::uint32_t least = character.coarsest_count;
         const std::uint32_t dealt = element::deal(rate, view_.share[i], least, most);
-        const std::uint32_t legal = character.legal_count[dealt];
+        const std::uint32_t legal = snapped(i, character, dealt);
         sum.vertices += legal;
         if (dealt == least || dealt == most) {
           sum.fixed += legal;
@@ -65,7 +66,9 @@ class Dealer {
         const Character& character = character_of(instance);
         const std::uint32_t dealt =
             element::deal(rate, view_.share[i], character.coarsest_count, character.vertex_count());
-        instance.vertex_count = character.legal_count[dealt];
+        instance.vertex_count = snapped(i, character, dealt);
+        // finer levels are not listed: too many vertices for others to have the same
+        if (dealt > LevelTable::kMostVertices) view_.tier[i] = kOwnPose;
         instance.triangle_count = character.triangle_count_at[instance.vertex_count];
       }
     });
@@ -76,9 +79,61 @@ class Dealer {
   }
 
  private:
+  std::uint32_t snapped(std::size_t i, const Character& character, std::uint32_t dealt) const {
+    if (view_.tier[i] == kOwnPose || dealt > LevelTable::kMostVertices) {
+      return character.legal_count[dealt];
+    }
+    const LevelTable& table = view_.instances->cast->levels;
+    return table.levels[table.level_at[view_.visible[i].character][dealt]].vertex_count;
+  }
+
   CpuView& view_;
   WorkPool& pool_;
 };
+
+/// Who shares a pose, and how coarse it may be: the coarsest tier that is off by less than
+/// kSharedErrorPx. Each agent's limits lie up to a tenth apart, so that a row of them does not
+/// change at once. Only agents wholly between the near and the far plane share.
+void choose_tiers(CpuView& view, PoseMode mode, WorkPool& pool) {
+  const std::size_t count = view.visible.size();
+  view.tier.resize(count);
+  if (mode == PoseMode::kExact) {
+    std::fill_n(view.tier.data(), count, kOwnPose);
+    return;
+  }
+  const element::Frustum frustum = element::frustum_from(view.clip_from_relative);
+  const std::vector<bool>& is_listed = view.instances->cast->levels.is_listed;
+  pool.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const VisibleInstance& instance = view.visible[i];
+      view.tier[i] = kOwnPose;
+      if (!is_listed[instance.character]) continue;
+      const glm::vec3& p = instance.position_relative;
+      bool is_between = true;
+      for (const glm::vec4& plane : {frustum.planes[4], frustum.planes[5]}) {
+        const float inside_m = plane.x * p.x + plane.y * p.y + plane.z * p.z + plane.w;
+        // the feet are within the bounding sphere
+        is_between = is_between && inside_m > 2.5F * instance.radius_m;
+      }
+      if (!is_between) continue;
+      const float d =
+          view.projection.perspective != 0 ? std::max(view.distance_m[i], instance.radius_m) : 1.0F;
+      const float px_per_m =
+          view.projection.focal_px / d *
+          (1.0F + 0.1F * element::unit_from_seed(instance.seed, element::kSeedTier));
+      // wide creatures: the rasterizer keeps a figure's coordinates in 16 bits
+      if (px_per_m * instance.radius_m > element::kSharedRadiusPx) continue;
+      const float height_px =
+          px_per_m * instance.scale *
+          view.instances->cast->characters[instance.character].character->height_m;
+      for (std::uint32_t tier = element::kTiers; tier-- > 0;) {
+        if (height_px * element::kTierError[tier] >= element::kSharedErrorPx) continue;
+        view.tier[i] = static_cast<std::uint8_t>(tier);
+        break;
+      }
+    }
+  });
+}
 
 /// vertices / shares with 32 fractional bits, rounded up so that the floor of a whole number stays.
 /// vertices < 2^32.
@@ -138,6 +193,8 @@ std::uint64_t rate_within(Dealer& dealer, std::uint64_t budget, std::uint64_t fi
 void select(CpuView& view, const Selection& selection, Machine machine) {
   const std::size_t count = view.visible.size();
   view.share.resize(count);
+  view.geometry = selection.geometry;
+  choose_tiers(view, selection.pose_mode, machine.pool);
   Dealer dealer(view, machine.pool);
 
   // equation 1's weights as integers, and the sums that bound the budget
@@ -185,6 +242,7 @@ absl::Status allocate(CpuView& view) {
   for (std::size_t i = 0; i < count; ++i) {
     view.vertex_offset[i] = static_cast<std::uint32_t>(vertices);
     view.triangle_offset[i] = static_cast<std::uint32_t>(triangles);
+    if (view.geometry == GeometryKind::kFused && view.tier[i] != kOwnPose) continue;
     vertices += view.visible[i].vertex_count;
     triangles += view.visible[i].triangle_count;
   }

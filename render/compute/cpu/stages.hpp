@@ -10,6 +10,7 @@
 #include "render/compute/common.hpp"
 #include "render/compute/cpu/buffer.hpp"
 #include "render/compute/cpu/cast_table.hpp"
+#include "render/compute/cpu/posed_bank.hpp"
 #include "render/compute/cpu/work_pool.hpp"
 #include "render/compute/element/advance.hpp"
 #include "render/compute/element/pose.hpp"
@@ -33,10 +34,16 @@ struct CpuView final : ViewWork {
   ViewStage stage = ViewStage::kNew;
   std::shared_ptr<const CpuInstances> instances;
   element::Projection projection;
-  Buffer<std::uint8_t> mask;              // [I]
-  Buffer<VisibleInstance> visible;        // [V]
-  Buffer<float> distance_m;               // [V] from the eye to the sphere's centre
-  Buffer<std::uint32_t> share;            // [V] of the budget
+  glm::mat4 clip_from_relative{1.0F};
+  GeometryKind geometry = GeometryKind::kBatched;
+  Buffer<std::uint8_t> mask;        // [I]
+  Buffer<VisibleInstance> visible;  // [V]
+  Buffer<float> distance_m;         // [V] from the eye to the sphere's centre
+  Buffer<std::uint32_t> share;      // [V] of the budget
+  Buffer<std::uint8_t> tier;        // [V] of the shared pose, kOwnPose: its own
+  Buffer<SharedInstance> shared;    // [V] of fused geometry
+  Buffer<std::uint32_t> mesh;       // [V] number in the bank
+  std::shared_ptr<const PosedBank::Block> posed;
   Buffer<std::uint32_t> vertex_offset;    // [V+1]
   Buffer<std::uint32_t> triangle_offset;  // [V+1]
   Buffer<BatchVertex> vertices;
@@ -44,12 +51,24 @@ struct CpuView final : ViewWork {
   std::vector<std::uint32_t> chunk_count;  // visible instances by chunk of slots
   std::vector<std::uint64_t> chunk_sum, chunk_fixed, chunk_free;
   std::uint64_t effective_budget = 0;
+  std::uint32_t posed_meshes = 0;  // made for this frame
+  std::uint64_t posed_bytes = 0;   // of the bank
+
+  std::uint64_t size_bytes() const {
+    return mask.size_bytes() + visible.size_bytes() + distance_m.size_bytes() + share.size_bytes() +
+           tier.size_bytes() + shared.size_bytes() + mesh.size_bytes() +
+           vertex_offset.size_bytes() + triangle_offset.size_bytes() + vertices.size_bytes() +
+           indices.size_bytes();
+  }
 };
+inline constexpr std::uint8_t kOwnPose = 0xff;
 
 /// What one worker writes on the way; grows to the largest character.
 struct WorkerScratch {
   Buffer<element::JointMatrix> palette;
   Buffer<std::uint32_t> corner;
+  Buffer<BatchVertex> vertices;
+  std::vector<PosedBank::Want> wanted;
 };
 
 struct Kernels;
@@ -70,6 +89,8 @@ void select(CpuView& view, const Selection& selection, Machine machine);
 /// ResourceExhausted when the batched buffer would need more than 2^32 - 1 vertices or indices.
 absl::Status allocate(CpuView& view);
 
-void generate(CpuView& view, Machine machine, std::vector<WorkerScratch>& scratch);
+/// ResourceExhausted when the posed meshes need more than the bank's limit.
+absl::Status generate(CpuView& view, Machine machine, PosedBank& bank,
+                      std::vector<WorkerScratch>& scratch);
 
 }  // namespace throng::render

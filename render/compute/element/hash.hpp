@@ -28,6 +28,7 @@ enum SeedStream : std::uint32_t {
   kSeedWalkThreshold = 3,
   kSeedRunThreshold = 4,
   kSeedHeading = 5,
+  kSeedTier = 6,
 };
 
 }  // namespace throng::render::element

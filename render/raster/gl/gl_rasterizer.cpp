@@ -345,6 +345,9 @@ class GlRasterizer final : public Rasterizer {
       return absl::InvalidArgumentError(
           absl::StrCat("gl draw: ", what, " has ", value, " elements, must have ", expected));
     };
+    if (!geometry.shared.empty()) {
+      return absl::InvalidArgumentError("gl draw: the geometry is fused, must be batched");
+    }
     if (geometry.indices.size() > 0x7fffffffu) {
       return absl::ResourceExhaustedError(
           absl::StrCat("gl draw: ", geometry.indices.size(), " indices, at most ", 0x7fffffffu));

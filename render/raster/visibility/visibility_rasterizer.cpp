@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "render/compute/cpu/levels.hpp"
 #include "render/compute/cpu/work_pool.hpp"
 #include "render/raster/scene.hpp"
 #include "render/raster/visibility/cpu/shade.hpp"
@@ -24,11 +25,31 @@ constexpr int kTilePx = kTileSamples / 2;  // two samples a pixel and axis
 constexpr std::size_t kPixels = kTilePx * kTilePx;
 constexpr std::uint64_t kCellRefreshTriangles = 512;
 
-/// Everything one worker needs for one tile. About 180 KiB: stays in the second-level cache.
+/// What a tile needs to know of a visible instance; they lie anywhere in memory, so one cache line.
+struct alignas(64) DrawnInstance {
+  static constexpr std::uint32_t kShared = 1U << 31, kDoubleSided = 1U << 30, kClipped = 1U << 29;
+  static constexpr std::uint32_t kCharacter = 0xffff;
+
+  std::uint16_t x_low, y_low, x_high, y_high;  // samples, inclusive; x_low > x_high: nothing
+  float depth_high;
+  std::uint32_t flags;  // and the character
+  std::uint32_t first_block;
+  std::uint32_t triangle_count;
+  std::uint32_t first;  // corner of FrameGeometry::indices, or shared: triangle of LevelTable
+  std::uint32_t posed;  // x column of the posed mesh, shared only
+  std::uint16_t stride, vertex_count;
+  glm::vec3 feet_relative;
+  float cosine_scale, sine_scale, scale;
+};
+static_assert(sizeof(DrawnInstance) == 64);
+
+/// Everything one worker needs for one tile: mostly stays in the second-level cache.
 struct TileScratch {
   TilePlanes planes;
   TilePlanes shadow;  // depth: share of light that a cast shadow takes
-  ShadeItems items;
+  ShadeItems items, shared_items;
+  SharedScratch shared;
+  std::vector<std::uint64_t> order;
   alignas(64) float missing[kPixels];
   alignas(64) float rgb[3][kPixels];
   alignas(64) float row[3][kTilePx];
@@ -49,39 +70,65 @@ class VisibilityRasterizer final : public Rasterizer {
                          why_.empty() ? "" : "; ", why_)};
   }
 
+  bool takes_fused() const override { return true; }
   absl::Status upload(std::shared_ptr<const Cast> cast) override;
   absl::Status draw(const FrameGeometry& geometry, const Camera& camera, const Viewport& viewport,
                     const glm::dvec3& origin_world, const Look& look, Picture& picture) override;
 
  private:
   absl::Status check(const FrameGeometry& geometry, const Viewport& viewport) const;
-  void project(const FrameGeometry& geometry);
+  void prepare(const FrameGeometry& geometry);
   void project_shadows(const FrameGeometry& geometry, const SceneFrame& scene);
   absl::Status number_blocks(const FrameGeometry& geometry);
-  void bin(const Viewport& viewport);
+  void bin();
   void bin_shadows(const SceneFrame& scene, const Viewport& viewport);
+  void prefetch(const FrameGeometry& geometry, const DrawnInstance& drawn) const;
+  SharedTriangles shared_triangles(const FrameGeometry& geometry, const DrawnInstance& drawn) const;
   void draw_tile(const FrameGeometry& geometry, const SceneFrame& scene, const Viewport& viewport,
                  std::size_t tile, TileScratch& scratch, Picture& picture) const;
-  void collect_items(const FrameGeometry& geometry, int tile_x_px, int tile_y_px, int width,
-                     int height, TileScratch& scratch) const;
+  void collect_items(int tile_x_px, int tile_y_px, int width, int height,
+                     TileScratch& scratch) const;
   void add_background(const SceneFrame& scene, std::size_t tile, int tile_x_px, int tile_y_px,
                       int width, int height, TileScratch& scratch,
                       const FrameGeometry& geometry) const;
 
-  /// Lists of instances by tile: those of tile i are entries [first[i], first[i + 1]).
+  /// Lists by tile: those of tile i are entries [first[i], first[i + 1]), in no particular order.
+  template <typename Entry>
   struct Bins {
-    std::vector<std::uint32_t> first, entries;
-    /// `visit(place)` calls its argument with (tile, value) for each entry, twice in the same
-    /// order.
+    static constexpr std::size_t kChunks = 16;  // of the values, so that threads can share the work
+    std::vector<std::uint32_t> first;           // [tiles + 1]
+    std::vector<std::uint32_t> next;            // [kChunks][tiles] where a chunk's entries go
+    std::vector<Entry> entries;
+
+    /// `visit(begin, end, place)` calls place(tile, entry) for each entry of values [begin, end),
+    /// twice in the same order.
     template <typename Visit>
-    void fill(std::size_t tiles, const Visit& visit) {
-      first.assign(tiles + 2, 0);
-      visit([&](std::size_t tile, std::uint32_t) { ++first[tile + 2]; });
-      for (std::size_t i = 2; i < first.size(); ++i) first[i] += first[i - 1];
-      entries.resize(first.back());
-      visit([&](std::size_t tile, std::uint32_t value) { entries[first[tile + 1]++] = value; });
+    void fill(std::size_t tiles, std::size_t values, WorkPool& pool, const Visit& visit) {
+      first.resize(tiles + 1);
+      next.assign(kChunks * tiles, 0);
+      pool.run(kChunks, [&](std::size_t chunk, unsigned) {
+        std::uint32_t* own = next.data() + chunk * tiles;
+        visit(values * chunk / kChunks, values * (chunk + 1) / kChunks,
+              [own](std::size_t tile, const Entry&) { ++own[tile]; });
+      });
+      std::uint32_t sum = 0;
+      for (std::size_t tile = 0; tile < tiles; ++tile) {
+        first[tile] = sum;
+        for (std::size_t chunk = 0; chunk < kChunks; ++chunk) {
+          const std::uint32_t own = next[chunk * tiles + tile];
+          next[chunk * tiles + tile] = sum;
+          sum += own;
+        }
+      }
+      first[tiles] = sum;
+      if (entries.size() < sum) entries.resize(sum + sum / 2);
+      pool.run(kChunks, [&](std::size_t chunk, unsigned) {
+        std::uint32_t* own = next.data() + chunk * tiles;
+        visit(values * chunk / kChunks, values * (chunk + 1) / kChunks,
+              [this, own](std::size_t tile, const Entry& entry) { entries[own[tile]++] = entry; });
+      });
     }
-    std::span<const std::uint32_t> of(std::size_t tile) const {
+    std::span<const Entry> of(std::size_t tile) const {
       return {entries.data() + first[tile], entries.data() + first[tile + 1]};
     }
   };
@@ -96,14 +143,18 @@ class VisibilityRasterizer final : public Rasterizer {
 
   // of the frame; grow only
   SampleGrid grid_{};
+  std::size_t count_ = 0;  // V
   std::uint32_t tiles_x_ = 0, tiles_y_ = 0;
   Projected projected_;
-  std::vector<Footprint> footprints_;          // [V]
-  std::vector<std::uint32_t> first_block_;     // [V+1]
+  LevelTable levels_;
+  std::vector<std::uint32_t> uv_;              // of all characters' vertices
+  std::vector<std::uint32_t> first_uv_;        // by character
+  std::vector<DrawnInstance> drawn_;           // [V]
+  std::vector<SharedShade> shared_shades_;     // [V] of fused geometry
   std::vector<std::uint32_t> block_instance_;  // [blocks]
-  std::vector<std::uint32_t> order_;           // [V] near to far
   std::vector<InstanceShade> shades_;          // [V]
-  Bins bins_, blob_bins_, caster_bins_;
+  Bins<std::uint64_t> bins_;                   // depth and number: rising is near to far
+  Bins<std::uint32_t> blob_bins_, caster_bins_;
   std::vector<Blob> blobs_;  // [V]
   std::vector<std::uint32_t> casters_;
   std::vector<BatchVertex> shadow_vertices_;
@@ -186,6 +237,15 @@ absl::Status VisibilityRasterizer::upload(std::shared_ptr<const Cast> cast) {
                         info.base_width, info.base_height, info.base_levels});
   }
   double_sided_ = std::move(double_sided);
+  levels_ = make_levels(*cast);
+  uv_.clear();
+  first_uv_.clear();
+  for (const CastMember& member : cast->members) {
+    first_uv_.push_back(static_cast<std::uint32_t>(uv_.size()));
+    for (const glm::u16vec2& uv : member.character.uv) {
+      uv_.push_back(std::uint32_t{uv.x} | std::uint32_t{uv.y} << 16);
+    }
+  }
   cast_ = std::move(cast);
   return absl::OkStatus();
 }
@@ -214,6 +274,23 @@ absl::Status VisibilityRasterizer::check(const FrameGeometry& geometry,
     return absl::ResourceExhaustedError(absl::StrCat("visibility draw: ", geometry.vertices.size(),
                                                      " vertices, at most ", 0x7fffffffULL / 6));
   }
+  if (!geometry.shared.empty()) {
+    if (geometry.shared.size() != count) {
+      return absl::InvalidArgumentError(absl::StrCat("visibility draw: ", geometry.shared.size(),
+                                                     " shared instances, must be ", count));
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+      const SharedInstance& shared = geometry.shared[i];
+      if (shared.level == SharedInstance::kOwn) continue;
+      if (shared.level >= levels_.levels.size() || geometry.posed == nullptr ||
+          levels_.levels[shared.level].character != geometry.instances[i].character ||
+          levels_.levels[shared.level].vertex_count > shared.stride || shared.stride > 0xffff) {
+        return absl::InvalidArgumentError(
+            absl::StrCat("visibility draw: instance ", i, " has level ", shared.level, " of ",
+                         levels_.levels.size(), " and ", shared.stride, " posed vertices"));
+      }
+    }
+  }
   for (const VisibleInstance& instance : geometry.instances) {
     if (instance.character >= cast_->members.size()) {
       return absl::InvalidArgumentError(absl::StrCat("visibility draw: character is ",
@@ -224,58 +301,116 @@ absl::Status VisibilityRasterizer::check(const FrameGeometry& geometry,
   return absl::OkStatus();
 }
 
-void VisibilityRasterizer::project(const FrameGeometry& geometry) {
+void VisibilityRasterizer::prepare(const FrameGeometry& geometry) {
   const std::size_t count = geometry.instances.size();
   projected_.resize(geometry.vertices.size());
-  footprints_.resize(count);
+  if (!geometry.shared.empty()) shared_shades_.resize(count);
   constexpr std::size_t kChunk = 64;
   pool_.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      footprints_[i] = project_vertices(grid_, geometry.vertices.data(), geometry.vertex_offset[i],
-                                        geometry.vertex_offset[i + 1], projected_);
+      const VisibleInstance& instance = geometry.instances[i];
+      DrawnInstance& drawn = drawn_[i];
+      drawn.flags = instance.character;
+      if (double_sided_[instance.character] != 0) drawn.flags |= DrawnInstance::kDoubleSided;
+      Footprint f;
+      if (geometry.shared.empty() || geometry.shared[i].level == SharedInstance::kOwn) {
+        drawn.first = 3 * geometry.triangle_offset[i];
+        f = project_vertices(grid_, geometry.vertices.data(), geometry.vertex_offset[i],
+                             geometry.vertex_offset[i + 1], projected_);
+        if (f.clipped) drawn.flags |= DrawnInstance::kClipped;
+      } else {
+        const SharedInstance& shared = geometry.shared[i];
+        const Level& level = levels_.levels[shared.level];
+        const float* box = geometry.posed + shared.posed;
+        drawn.flags |= DrawnInstance::kShared;
+        drawn.first = level.first_triangle;
+        drawn.posed = shared.posed + kPosedHeader;
+        drawn.stride = static_cast<std::uint16_t>(shared.stride);
+        drawn.vertex_count = static_cast<std::uint16_t>(level.vertex_count);
+        drawn.feet_relative = instance.position_relative;
+        drawn.cosine_scale = shared.cosine_scale;
+        drawn.sine_scale = shared.sine_scale;
+        drawn.scale = instance.scale;
+        f = project_box(grid_, {box[0], box[1], box[2]}, {box[3], box[4], box[5]},
+                        shared_triangles(geometry, drawn));
+        shared_shades_[i] = {drawn.posed,
+                             shared.stride,
+                             first_uv_[instance.character],
+                             0,
+                             drawn.cosine_scale,
+                             drawn.sine_scale,
+                             drawn.scale,
+                             0.0F};
+      }
+      if (f.x_low > f.x_high || f.y_low > f.y_high) {
+        f.x_low = 1;
+        f.x_high = f.y_low = f.y_high = 0;
+      }
+      drawn.x_low = static_cast<std::uint16_t>(f.x_low);
+      drawn.y_low = static_cast<std::uint16_t>(f.y_low);
+      drawn.x_high = static_cast<std::uint16_t>(f.x_high);
+      drawn.y_high = static_cast<std::uint16_t>(f.y_high);
+      drawn.depth_high = f.depth_high;
     }
   });
 }
 
+SharedTriangles VisibilityRasterizer::shared_triangles(const FrameGeometry& geometry,
+                                                       const DrawnInstance& drawn) const {
+  return {geometry.posed + drawn.posed,
+          drawn.stride,
+          drawn.vertex_count,
+          levels_.corners.data() + drawn.first,
+          drawn.triangle_count,
+          drawn.first_block,
+          drawn.feet_relative,
+          drawn.cosine_scale,
+          drawn.sine_scale,
+          drawn.scale,
+          (drawn.flags & DrawnInstance::kDoubleSided) != 0};
+}
+
 absl::Status VisibilityRasterizer::number_blocks(const FrameGeometry& geometry) {
   const std::size_t count = geometry.instances.size();
-  first_block_.resize(count + 1);
-  std::uint32_t blocks = 0;
+  if (drawn_.size() < count) drawn_.resize(count + count / 2);
+  std::uint64_t blocks = 0;
   for (std::size_t i = 0; i < count; ++i) {
-    first_block_[i] = blocks;
-    const std::uint32_t triangles = geometry.triangle_offset[i + 1] - geometry.triangle_offset[i];
+    std::uint32_t triangles = geometry.triangle_offset[i + 1] - geometry.triangle_offset[i];
+    if (!geometry.shared.empty() && geometry.shared[i].level != SharedInstance::kOwn) {
+      triangles = levels_.levels[geometry.shared[i].level].triangle_count;
+    }
+    drawn_[i].first_block = static_cast<std::uint32_t>(blocks);
+    drawn_[i].triangle_count = triangles;
     blocks += (triangles + element::kBlockTriangles - 1) / element::kBlockTriangles;
   }
-  first_block_[count] = blocks;
   if (blocks > element::kMaxBlocks) {
     return absl::ResourceExhaustedError(absl::StrCat(
         "visibility draw: ", blocks, " triangle blocks, at most ", element::kMaxBlocks));
   }
-  block_instance_.resize(blocks);
+  if (block_instance_.size() < blocks) block_instance_.resize(blocks + blocks / 2);
   for (std::size_t i = 0; i < count; ++i) {
-    std::fill(block_instance_.begin() + first_block_[i],
-              block_instance_.begin() + first_block_[i + 1], static_cast<std::uint32_t>(i));
+    const std::uint32_t end =
+        i + 1 < count ? drawn_[i + 1].first_block : static_cast<std::uint32_t>(blocks);
+    std::fill(block_instance_.begin() + drawn_[i].first_block, block_instance_.begin() + end,
+              static_cast<std::uint32_t>(i));
   }
   return absl::OkStatus();
 }
 
-void VisibilityRasterizer::bin(const Viewport&) {
-  // near to far, so that what is hidden is known to be when its turn comes
-  order_.clear();
-  for (std::uint32_t i = 0; i < footprints_.size(); ++i) {
-    const Footprint& f = footprints_[i];
-    if (f.x_low <= f.x_high && f.y_low <= f.y_high) order_.push_back(i);
-  }
-  std::sort(order_.begin(), order_.end(), [this](std::uint32_t a, std::uint32_t b) {
-    const float da = footprints_[a].depth_high, db = footprints_[b].depth_high;
-    return da != db ? da > db : a < b;
-  });
-  bins_.fill(std::size_t{tiles_x_} * tiles_y_, [&](auto&& place) {
-    for (const std::uint32_t i : order_) {
-      const Footprint& f = footprints_[i];
-      for (int ty = f.y_low / kTileSamples; ty <= f.y_high / kTileSamples; ++ty) {
-        for (int tx = f.x_low / kTileSamples; tx <= f.x_high / kTileSamples; ++tx) {
-          place(static_cast<std::size_t>(ty) * tiles_x_ + static_cast<std::size_t>(tx), i);
+void VisibilityRasterizer::bin() {
+  const std::size_t tiles = std::size_t{tiles_x_} * tiles_y_;
+  bins_.fill(tiles, count_, pool_, [&](std::size_t begin, std::size_t end, auto&& place) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const DrawnInstance& drawn = drawn_[i];
+      if (drawn.x_low > drawn.x_high) continue;
+      // positive floats are in the order of their bits
+      std::uint32_t depth = 0;
+      std::memcpy(&depth, &drawn.depth_high, sizeof depth);
+      const std::uint64_t entry = std::uint64_t{~depth} << 32 | i;
+      for (std::uint32_t ty = drawn.y_low / kTileSamples; ty <= drawn.y_high / kTileSamples; ++ty) {
+        for (std::uint32_t tx = drawn.x_low / kTileSamples; tx <= drawn.x_high / kTileSamples;
+             ++tx) {
+          place(std::size_t{ty} * tiles_x_ + tx, entry);
         }
       }
     }
@@ -346,11 +481,12 @@ void VisibilityRasterizer::bin_shadows(const SceneFrame& scene, const Viewport& 
       }
     }
   };
-  caster_bins_.fill(tiles, [&](auto&& place) {
-    for (std::uint32_t c = 0; c < caster_shapes_.size(); ++c) {
-      cover(caster_shapes_[c].footprint, c, place);
-    }
-  });
+  caster_bins_.fill(tiles, caster_shapes_.size(), pool_,
+                    [&](std::size_t begin, std::size_t end, auto&& place) {
+                      for (std::size_t c = begin; c < end; ++c) {
+                        cover(caster_shapes_[c].footprint, static_cast<std::uint32_t>(c), place);
+                      }
+                    });
   blobs_.resize(shades_.size());
   blob_rectangles_.resize(shades_.size());
   constexpr std::size_t kChunk = 512;
@@ -374,17 +510,17 @@ void VisibilityRasterizer::bin_shadows(const SceneFrame& scene, const Viewport& 
       if (std::max(blob.contact, blob.body) < 0.004F) rectangle.x_high = rectangle.x_low - 1;
     }
   });
-  blob_bins_.fill(tiles, [&](auto&& place) {
-    for (std::uint32_t i = 0; i < blob_rectangles_.size(); ++i)
-      cover(blob_rectangles_[i], i, place);
-  });
+  blob_bins_.fill(tiles, blob_rectangles_.size(), pool_,
+                  [&](std::size_t begin, std::size_t end, auto&& place) {
+                    for (std::size_t i = begin; i < end; ++i) {
+                      cover(blob_rectangles_[i], static_cast<std::uint32_t>(i), place);
+                    }
+                  });
 }
 
-void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, int tile_x_px,
-                                         int tile_y_px, int width, int height,
+void VisibilityRasterizer::collect_items(int tile_x_px, int tile_y_px, int width, int height,
                                          TileScratch& scratch) const {
-  ShadeItems& items = scratch.items;
-  items.count = 0;
+  scratch.items.count = scratch.shared_items.count = 0;
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       const std::size_t at = sample_index(2 * x, 2 * y);
@@ -394,12 +530,15 @@ void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, int tile
       const std::uint32_t* ids = scratch.planes.id;
       const auto add = [&](std::uint32_t instance, std::uint32_t id, float x_px, float y_px,
                            float weight) {
+        const DrawnInstance& drawn = drawn_[instance];
         const std::uint32_t triangle =
-            geometry.triangle_offset[instance] +
-            (element::block_of(id) - first_block_[instance]) * element::kBlockTriangles +
+            (element::block_of(id) - drawn.first_block) * element::kBlockTriangles +
             element::triangle_of(id);
+        const bool is_shared = (drawn.flags & DrawnInstance::kShared) != 0;
+        ShadeItems& items = is_shared ? scratch.shared_items : scratch.items;
         const std::size_t n = items.count++;
-        items.triangle[n] = static_cast<std::int32_t>(3 * triangle);
+        items.triangle[n] =
+            static_cast<std::int32_t>(drawn.first + (is_shared ? triangle : 3 * triangle));
         items.instance[n] = static_cast<std::int32_t>(instance);
         items.x_px[n] = static_cast<float>(tile_x_px + x) + x_px;
         items.y_px[n] = static_cast<float>(tile_y_px + y) + y_px;
@@ -502,6 +641,18 @@ void VisibilityRasterizer::add_background(const SceneFrame& scene, std::size_t t
   }
 }
 
+void VisibilityRasterizer::prefetch(const FrameGeometry& geometry,
+                                    const DrawnInstance& drawn) const {
+  if ((drawn.flags & DrawnInstance::kShared) == 0) return;
+  constexpr std::uint32_t kLine = 16;  // values of a cache line
+  const float* posed = geometry.posed + drawn.posed;
+  for (std::uint32_t k = 0; k < drawn.vertex_count; k += kLine) {
+    for (std::uint32_t column = 0; column < 3; ++column) {
+      __builtin_prefetch(posed + column * drawn.stride + k);
+    }
+  }
+}
+
 void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneFrame& scene,
                                      const Viewport& viewport, std::size_t tile,
                                      TileScratch& scratch, Picture& picture) const {
@@ -513,31 +664,45 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
 
   clear_tile(scratch.planes);
   std::memset(scratch.rgb, 0, sizeof(scratch.rgb));
-  scratch.items.count = 0;
   bool empty = true;
-  if (!geometry.instances.empty()) {
+  if (count_ > 0) {
+    const std::span<const std::uint64_t> list = bins_.of(tile);
+    // near to far, so that what is hidden is known to be when its turn comes
+    std::vector<std::uint64_t>& order = scratch.order;
+    order.assign(list.begin(), list.end());
+    std::sort(order.begin(), order.end());
+    const auto drawn_at = [&](std::size_t k) -> const DrawnInstance& {
+      return drawn_[static_cast<std::uint32_t>(order[k])];
+    };
     std::uint64_t since_refresh = 0;
-    for (const std::uint32_t i : bins_.of(tile)) {
-      const Footprint& f = footprints_[i];
-      if (!f.clipped &&
-          hidden(scratch.planes, std::max(f.x_low - tile_x, 0), std::max(f.y_low - tile_y, 0),
-                 std::min(f.x_high - tile_x, kTileSamples - 1),
-                 std::min(f.y_high - tile_y, kTileSamples - 1), f.depth_high)) {
+    for (std::size_t k = 0; k < order.size(); ++k) {
+      if (k + 4 < order.size()) __builtin_prefetch(&drawn_at(k + 4));
+      if (k + 2 < order.size()) prefetch(geometry, drawn_at(k + 2));
+      const DrawnInstance& drawn = drawn_at(k);
+      if ((drawn.flags & DrawnInstance::kClipped) == 0 &&
+          hidden(scratch.planes, std::max(drawn.x_low - tile_x, 0),
+                 std::max(drawn.y_low - tile_y, 0),
+                 std::min(drawn.x_high - tile_x, kTileSamples - 1),
+                 std::min(drawn.y_high - tile_y, kTileSamples - 1), drawn.depth_high)) {
         ++scratch.counters.hidden;
         continue;
       }
-      const std::uint32_t first = geometry.triangle_offset[i];
-      const Cutout& cutout = cutouts_[geometry.instances[i].character];
-      const InstanceTriangles triangles{geometry.indices.data() + std::size_t{3} * first,
-                                        geometry.triangle_offset[i + 1] - first,
-                                        first_block_[i],
-                                        double_sided_[geometry.instances[i].character] != 0,
-                                        f.clipped,
-                                        cutout.flags != nullptr ? &cutout : nullptr};
-      draw_instance(triangles, projected_, geometry.vertices.data(), grid_, tile_x, tile_y,
+      if ((drawn.flags & DrawnInstance::kShared) != 0) {
+        draw_shared(shared_triangles(geometry, drawn), grid_, tile_x, tile_y, scratch.shared,
                     scratch.planes, scratch.counters);
+      } else {
+        const Cutout& cutout = cutouts_[drawn.flags & DrawnInstance::kCharacter];
+        const InstanceTriangles triangles{geometry.indices.data() + drawn.first,
+                                          drawn.triangle_count,
+                                          drawn.first_block,
+                                          (drawn.flags & DrawnInstance::kDoubleSided) != 0,
+                                          (drawn.flags & DrawnInstance::kClipped) != 0,
+                                          cutout.flags != nullptr ? &cutout : nullptr};
+        draw_instance(triangles, projected_, geometry.vertices.data(), grid_, tile_x, tile_y,
+                      scratch.planes, scratch.counters);
+      }
       ++scratch.counters.instances;
-      since_refresh += triangles.count;
+      since_refresh += drawn.triangle_count;
       if (since_refresh >= kCellRefreshTriangles) {
         update_cells(scratch.planes);
         since_refresh = 0;
@@ -548,12 +713,15 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
   if (empty) {
     std::fill(scratch.background_share, scratch.background_share + kPixels, 1.0F);
   } else {
-    collect_items(geometry, tile_x_px, tile_y_px, width, height, scratch);
+    collect_items(tile_x_px, tile_y_px, width, height, scratch);
     shade_items(scene, geometry, shades_.data(), textures_, scratch.items);
-    for (std::size_t n = 0; n < scratch.items.count; ++n) {
-      const std::size_t pixel = scratch.items.pixel[n];
-      for (int c = 0; c < 3; ++c) {
-        scratch.rgb[c][pixel] += scratch.items.weight[n] * scratch.items.rgb[c][n];
+    const SharedMeshes shared{geometry.posed, levels_.corners.data(), uv_.data(),
+                              shared_shades_.data()};
+    shade_shared_items(scene, shared, shades_.data(), textures_, scratch.shared_items);
+    for (const ShadeItems* items : {&scratch.items, &scratch.shared_items}) {
+      for (std::size_t n = 0; n < items->count; ++n) {
+        const std::size_t pixel = items->pixel[n];
+        for (int c = 0; c < 3; ++c) scratch.rgb[c][pixel] += items->weight[n] * items->rgb[c][n];
       }
     }
   }
@@ -581,11 +749,12 @@ absl::Status VisibilityRasterizer::draw(const FrameGeometry& geometry, const Cam
     tiles_x_ = (viewport.width_px + kTilePx - 1) / kTilePx;
     tiles_y_ = (viewport.height_px + kTilePx - 1) / kTilePx;
     const SceneFrame scene = make_scene_frame(camera, viewport, origin_world, look);
-    if (!geometry.instances.empty()) {
+    count_ = geometry.instances.size();
+    if (count_ > 0) {
       if (absl::Status status = number_blocks(geometry); !status.ok()) return status;
       shade_instances(geometry, *cast_, scene, look, shades_, casters_);
-      project(geometry);
-      bin(viewport);
+      prepare(geometry);
+      bin();
       if (scene.shadows) {
         project_shadows(geometry, scene);
         bin_shadows(scene, viewport);

@@ -251,6 +251,82 @@ TEST(TileTest, ProjectionGivesTheSameBytesOnEveryTarget) {
   });
 }
 
+TEST(TileTest, SharedMeshIsDrawnAsItsOwnVertices) {
+  std::mt19937 random(9);
+  std::normal_distribution<float> normal;
+  const Camera camera{.eye_world = {0, 0, 0}, .target_world = {0, 1, 0}};
+  const SampleGrid grid{clip_from_relative(camera, {640, 360}), 1280, 720};
+  for (const std::uint32_t vertex_count : {5U, 27U, 32U, 33U, 64U, 65U, 300U, 1024U}) {
+    const std::uint32_t stride = (vertex_count + 15) / 16 * 16 + 16;
+    struct alignas(64) Line {
+      float values[16];
+    };
+    std::vector<Line> posed(4 * stride / 16);
+    float* column = posed[0].values;
+    glm::vec3 low(1e9F), high(-1e9F);
+    for (std::uint32_t i = 0; i < stride; ++i) {
+      for (std::uint32_t k = 0; k < 3; ++k) {
+        column[k * stride + i] =
+            i < vertex_count ? 0.4F * normal(random) : column[k * stride + vertex_count - 1];
+        low[static_cast<int>(k)] = std::min(low[static_cast<int>(k)], column[k * stride + i]);
+        high[static_cast<int>(k)] = std::max(high[static_cast<int>(k)], column[k * stride + i]);
+      }
+    }
+    std::vector<std::uint32_t> corners, indices;
+    for (std::uint32_t t = 0; t < 2 * vertex_count + 3; ++t) {
+      std::uint32_t word = 0;
+      for (int k = 0; k < 3; ++k) {
+        const std::uint32_t corner = static_cast<std::uint32_t>(random()) % vertex_count;
+        word |= corner << (10 * k);
+        indices.push_back(corner);
+      }
+      corners.push_back(word);
+    }
+    const auto count = static_cast<std::uint32_t>(corners.size());
+    corners.resize(count + 16, 0);
+    const SharedTriangles shared{column, stride, vertex_count,         corners.data(),
+                                 count,  5,      {0.3F, 25.0F, -0.5F}, 0.9F,
+                                 0.5F,   1.03F,  vertex_count % 2 == 0};
+    std::vector<BatchVertex> vertices(vertex_count);
+    for (std::uint32_t i = 0; i < vertex_count; ++i) {
+      const float x = column[i], y = column[stride + i], z = column[2 * stride + i];
+      vertices[i].position_relative =
+          shared.feet_relative + glm::vec3(x * shared.cosine_scale - y * shared.sine_scale,
+                                           x * shared.sine_scale + y * shared.cosine_scale,
+                                           z * shared.scale);
+    }
+    Projected projected;
+    projected.resize(vertex_count);
+    const Footprint exact = project_vertices(grid, vertices.data(), 0, vertex_count, projected);
+    const Footprint box = project_box(grid, low, high, shared);
+    EXPECT_LE(box.x_low, exact.x_low);
+    EXPECT_LE(box.y_low, exact.y_low);
+    EXPECT_GE(box.x_high, exact.x_high);
+    EXPECT_GE(box.y_high, exact.y_high);
+    EXPECT_GE(box.depth_high, exact.depth_high);
+    const InstanceTriangles own{indices.data(), count, 5, shared.double_sided, false};
+    TileCounters counters;
+    auto scratch = std::make_unique<SharedScratch>();
+    auto expected = std::make_unique<TilePlanes>(), planes = std::make_unique<TilePlanes>();
+    int covered = 0;
+    for (int tile_y = 256; tile_y <= 448; tile_y += 64) {
+      for (int tile_x = 576; tile_x <= 704; tile_x += 64) {
+        clear_tile(*expected);
+        draw_instance(own, projected, vertices.data(), grid, tile_x, tile_y, *expected, counters);
+        covered += static_cast<int>(std::count_if(std::begin(expected->id), std::end(expected->id),
+                                                  [](std::uint32_t id) { return id != 0; }));
+        for_each_target([&](const char* target) {
+          clear_tile(*planes);
+          draw_shared(shared, grid, tile_x, tile_y, *scratch, *planes, counters);
+          EXPECT_TRUE(same_planes(*planes, *expected))
+              << target << ", " << vertex_count << " vertices, tile " << tile_x << ", " << tile_y;
+        });
+      }
+    }
+    EXPECT_GT(covered, 100);
+  }
+}
+
 TEST(ClipTest, TriangleBehindTheEyeIsGone) {
   const Camera camera{.eye_world = {0, 0, 0}, .target_world = {0, 1, 0}};
   const SampleGrid grid{clip_from_relative(camera, {640, 360}), 1280, 720};

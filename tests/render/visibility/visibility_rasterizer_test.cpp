@@ -41,8 +41,10 @@ void push_rows(Crowd& crowd, int columns, int rows, float apart) {
 }
 
 Picture rendered(const std::shared_ptr<const Cast>& cast, const Crowd& crowd, RasterKind raster,
-                 unsigned threads, const ViewSettings& view) {
-  auto pipeline = FramePipeline::make(cast, {.raster = raster, .threads = threads});
+                 unsigned threads, const ViewSettings& view,
+                 std::optional<GeometryKind> geometry = std::nullopt) {
+  auto pipeline =
+      FramePipeline::make(cast, {.raster = raster, .threads = threads, .geometry = geometry});
   EXPECT_TRUE(pipeline.ok()) << pipeline.status();
   Picture picture;
   FrameStats stats;
@@ -102,6 +104,57 @@ TEST(VisibilityRasterizerTest, WhoIsBehindAWallChangesNothing) {
   ASSERT_TRUE(crowded.push(wall(true)).ok());
   EXPECT_EQ(rendered(cast, alone, RasterKind::kVisibility, 2, view).rgbx,
             rendered(cast, crowded, RasterKind::kVisibility, 2, view).rgbx);
+}
+
+/// A crowd that begins at the camera and ends where people are a few pixels high.
+ViewSettings down_the_street() {
+  ViewSettings view;
+  view.camera = {.eye_world = {0, -5, 4}, .target_world = {0, 30, 0}};
+  view.viewport = {640, 360};
+  view.selection.vertex_budget = 60'000;
+  return view;
+}
+
+TEST(VisibilityRasterizerTest, FusedAndBatchedGeometryShowTheSamePicture) {
+  const auto cast = tiny_cast();
+  Crowd crowd(cast, {});
+  push_rows(crowd, 40, 80, 1.1F);
+  const ViewSettings view = down_the_street();
+  const Picture fused =
+      rendered(cast, crowd, RasterKind::kVisibility, 2, view, GeometryKind::kFused);
+  const Picture batched =
+      rendered(cast, crowd, RasterKind::kVisibility, 2, view, GeometryKind::kBatched);
+  const test::ImageDifference difference = test::compare_images(fused.rgbx, batched.rgbx);
+  // the same samples of the same triangles; normals are rounded once more when batched
+  EXPECT_GT(difference.psnr_db, 50.0);
+  EXPECT_LT(difference.share_over_8, 0.001);
+  for (const unsigned threads : {1U, 7U}) {
+    EXPECT_EQ(fused.rgbx, rendered(cast, crowd, RasterKind::kVisibility, threads, view).rgbx)
+        << "fused is the default";
+  }
+}
+
+TEST(VisibilityRasterizerTest, SharedPosesShowNearlyTheExactPicture) {
+  const auto cast = tiny_cast();
+  Crowd crowd(cast, {});
+  push_rows(crowd, 40, 80, 1.1F);
+  ViewSettings view = down_the_street();
+  const Picture shared = rendered(cast, crowd, RasterKind::kVisibility, 2, view);
+  view.pose_mode = PoseMode::kExact;
+  const Picture exact = rendered(cast, crowd, RasterKind::kVisibility, 2, view);
+  const test::ImageDifference difference = test::compare_images(shared.rgbx, exact.rgbx);
+  EXPECT_GT(difference.psnr_db, 30.0);
+  EXPECT_LT(difference.mean, 1.0);
+  EXPECT_GT(difference.mean, 0.0) << "somebody should have shared";
+}
+
+TEST(VisibilityRasterizerTest, FusedGeometryNeedsARasterizerThatTakesIt) {
+  if (auto gl = make_rasterizer(RasterKind::kGl); !gl.ok()) GTEST_SKIP() << gl.status().message();
+  EXPECT_EQ(FramePipeline::make(tiny_cast(),
+                                {.raster = RasterKind::kGl, .geometry = GeometryKind::kFused})
+                .status()
+                .code(),
+            absl::StatusCode::kInvalidArgument);
 }
 
 TEST(VisibilityRasterizerTest, EverySizeIsDrawn) {

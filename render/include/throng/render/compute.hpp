@@ -20,6 +20,16 @@ class WorkPool;  // render/compute/cpu/work_pool.hpp
 enum class BackendKind { kCpu, kCuda };
 enum class LodRule { kBudget, kDong2019 };
 
+/// kExact: every agent has its own pose and the vertex count that LOD selection gave it, collapse
+/// by collapse; what the other one is compared with. kShared: agents whose pose would be off by
+/// less than a quarter of a pixel take the nearest of a cast's fixed poses and the next coarser of
+/// its levels of detail; near ones are as in kExact.
+enum class PoseMode { kShared, kExact };
+
+/// kBatched: all vertices in one array and all indices in another (the published method). kFused:
+/// agents that share a pose are only listed, and the rasterizer makes their vertices in cache.
+enum class GeometryKind { kBatched, kFused };
+
 /// Device copies; each backend derives its own.
 struct DeviceSnapshot {
   virtual ~DeviceSnapshot() = default;
@@ -44,24 +54,49 @@ struct Selection {
   std::uint64_t vertex_budget = 1'000'000;  // N
   float alpha = 3.0F;                       // only 3 is supported: cube roots decide, no pow
   LodRule rule = LodRule::kBudget;          // kBudget deals out again what full instances leave
+  PoseMode pose_mode = PoseMode::kExact;
+  GeometryKind geometry = GeometryKind::kBatched;
 };
+
+/// A visible instance of fused geometry. 24 bytes.
+struct SharedInstance {
+  static constexpr std::uint32_t kOwn = 0xffffffffU;
+  std::uint32_t level;   // number within the cast (render/compute/cpu/levels.hpp), or kOwn
+  std::uint32_t posed;   // first value in FrameGeometry::posed
+  std::uint32_t stride;  // vertices from one column to the next
+  float cosine_scale, sine_scale;
+  std::uint32_t reserved;
+};
+static_assert(sizeof(SharedInstance) == 24);
 
 /// What a rasterizer draws: the visible instances [V] and, in batched form, one vertex and one
 /// index array for all of them (the single batched buffer). Offsets are exclusive prefix sums in
 /// instance order [V+1]. The spans stay valid until the next call on the view they came from.
+///
+/// In fused form `shared` has an entry for each instance [V]. One whose level is kOwn is in the
+/// arrays as above; the others have no vertices there but those of a posed mesh: at `posed` its box
+/// (least and largest x y z, and 10 values unused), then columns of `stride` vertices: x, y, z in
+/// metres, model frame, and octahedral normals.
 struct FrameGeometry {
   std::span<const VisibleInstance> instances;      // [V]
   std::span<const std::uint32_t> vertex_offset;    // [V+1]
   std::span<const std::uint32_t> triangle_offset;  // [V+1]
   std::span<const BatchVertex> vertices;           // [vertex_offset[V]]
   std::span<const std::uint32_t> indices;          // [3 * triangle_offset[V]], into vertices
+  std::span<const SharedInstance> shared = {};     // [V], empty: batched
+  const float* posed = nullptr;
 };
+inline constexpr std::uint32_t kPosedHeader = 16;  // values before a posed mesh's columns
 
 /// Counters of the last frame of a view.
 struct ComputeCounters {
   std::uint32_t agents = 0, visible = 0;
   std::uint64_t vertices = 0, triangles = 0;
   std::uint64_t effective_budget = 0;  // max(N, sum of n_min)
+  std::uint32_t shared_poses = 0;      // agents that share theirs
+  std::uint32_t posed_meshes = 0;      // made for this frame; the rest were there
+  std::uint64_t view_bytes = 0;        // memory of the view
+  std::uint64_t posed_bytes = 0;       // of posed meshes, shared by all views
 };
 
 /// The data-parallel steps of one frame, on the processor or on the GPU.

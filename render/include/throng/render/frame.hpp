@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <unordered_map>
 
@@ -29,7 +30,8 @@ struct FrameStats {
 struct ViewSettings {
   Camera camera;
   Viewport viewport;
-  Selection selection;
+  Selection selection;  // pose_mode and geometry are set by what follows
+  PoseMode pose_mode = PoseMode::kShared;
   Look look;
   int channel = -1;  // index of the channel that colours the agents
 };
@@ -39,6 +41,8 @@ struct FramePipelineOptions {
   RasterKind raster = RasterKind::kAuto;
   unsigned threads = 0;
   bool measure_cpu_times = false;  // of use where nothing else runs in the process
+  // empty: fused where the rasterizer takes it
+  std::optional<GeometryKind> geometry = std::nullopt;
 };
 
 /// The stages of a frame in order, for one view of one crowd at one time:

@@ -45,10 +45,14 @@ class Rasterizer {
   virtual ~Rasterizer() = default;
   virtual RasterInfo info() const = 0;
 
+  /// True where fused geometry can be drawn.
+  virtual bool takes_fused() const { return false; }
+
   /// Textures of the cast, once.
   virtual absl::Status upload(std::shared_ptr<const Cast> cast) = 0;
 
-  /// Draws batched geometry seen by `camera`; `picture` is resized to the viewport.
+  /// Draws the geometry seen by `camera`; `picture` is resized to the viewport. Batched geometry is
+  /// taken by every rasterizer, fused geometry where `takes_fused()`; both show the same picture.
   /// @param ground_relative_m  height of the ground plane relative to the eye.
   /// InvalidArgument for a viewport outside 1..16384 px, ResourceExhausted, Internal (driver).
   virtual absl::Status draw(const FrameGeometry& geometry, const Camera& camera,

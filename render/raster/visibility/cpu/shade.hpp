@@ -22,11 +22,31 @@ struct TextureStore {
   std::vector<TextureInfo> infos;
 };
 
+/// What shading needs of an instance that shares its pose. 32 bytes.
+struct SharedShade {
+  std::uint32_t posed;   // x column
+  std::uint32_t stride;  // to the columns of y, z and normals
+  std::uint32_t first_uv;
+  std::uint32_t reserved;
+  float cosine_scale, sine_scale, scale;
+  float unused;
+};
+static_assert(sizeof(SharedShade) == 32);
+
+/// Where the vertices of shared instances are.
+struct SharedMeshes {
+  const float* posed;            // FrameGeometry::posed
+  const std::uint32_t* corners;  // LevelTable::corners
+  const std::uint32_t* uv;
+  const SharedShade* shades;  // [V]
+};
+
 /// What is shaded in one tile: one item for each pixel and instance seen in it.
 struct ShadeItems {
   static constexpr std::size_t kMost =
-      4096 + 16;                             // four samples a pixel, and room for whole vectors
-  alignas(64) std::int32_t triangle[kMost];  // first corner's place in FrameGeometry::indices
+      4096 + 16;  // four samples a pixel, and room for whole vectors
+  // first corner's place in FrameGeometry::indices; of shared instances: in LevelTable::corners
+  alignas(64) std::int32_t triangle[kMost];
   alignas(64) std::int32_t instance[kMost];  // visible list
   alignas(64) float x_px[kMost], y_px[kMost];
   alignas(64) float weight[kMost];
@@ -39,6 +59,11 @@ struct ShadeItems {
 /// same formulas as gl/shaders.cpp.
 void shade_items(const SceneFrame& scene, const FrameGeometry& geometry,
                  const InstanceShade* shades, const TextureStore& textures, ShadeItems& items);
+
+/// The same of instances that share their pose.
+void shade_shared_items(const SceneFrame& scene, const SharedMeshes& meshes,
+                        const InstanceShade* shades, const TextureStore& textures,
+                        ShadeItems& items);
 
 /// Ground, grid and sky of a row of pixels [x, x + count): tone-mapped, linear.
 void shade_background(const SceneFrame& scene, int x_px, int y_px, int count, float* r, float* g,

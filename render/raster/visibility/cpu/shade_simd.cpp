@@ -206,8 +206,92 @@ inline Level LevelOf(std::int32_t first, std::int32_t width, std::int32_t height
   return {first, width, height};
 }
 
-void ShadeItemsImpl(const SceneFrame& scene, const FrameGeometry& geometry,
-                    const InstanceShade* shades, const TextureStore& textures, ShadeItems& items) {
+/// Corners of a vector of triangles.
+struct ItemCorners {
+  V3 p0, p1, p2;    // relative to the eye
+  I uv0, uv1, uv2;  // unorm16 pairs
+  V3 n0, n1, n2;    // not unit length
+};
+
+/// Of instances with vertices of their own.
+struct OwnFetch {
+  const FrameGeometry& geometry;
+
+  HWY_INLINE ItemCorners operator()(I triangle, I, V3) const {
+    const FloatTag df;
+    const IntTag di;
+    const auto* indices = reinterpret_cast<const std::int32_t*>(geometry.indices.data());
+    const auto* words = reinterpret_cast<const std::int32_t*>(geometry.vertices.data());
+    const auto* floats = reinterpret_cast<const float*>(geometry.vertices.data());
+    const I stride = hn::Set(di, sizeof(BatchVertex) / 4);
+    const I v0 = hn::Mul(hn::GatherIndex(di, indices, triangle), stride);
+    const I v1 = hn::Mul(hn::GatherIndex(di, indices + 1, triangle), stride);
+    const I v2 = hn::Mul(hn::GatherIndex(di, indices + 2, triangle), stride);
+    const auto position = [&](I v) HWY_ATTR {
+      return V3{hn::GatherIndex(df, floats, v), hn::GatherIndex(df, floats + 1, v),
+                hn::GatherIndex(df, floats + 2, v)};
+    };
+    const auto normal = [&](I v) HWY_ATTR { return Octahedral(hn::GatherIndex(di, words + 3, v)); };
+    return {position(v0),
+            position(v1),
+            position(v2),
+            hn::GatherIndex(di, words + 4, v0),
+            hn::GatherIndex(di, words + 4, v1),
+            hn::GatherIndex(di, words + 4, v2),
+            normal(v0),
+            normal(v1),
+            normal(v2)};
+  }
+};
+
+/// Of instances that share a pose.
+struct SharedFetch {
+  const SharedMeshes& meshes;
+
+  HWY_INLINE ItemCorners operator()(I triangle, I instance, V3 feet) const {
+    const FloatTag df;
+    const IntTag di;
+    const UintTag du;
+    const auto* shade_words = reinterpret_cast<const std::int32_t*>(meshes.shades);
+    const auto* shade_floats = reinterpret_cast<const float*>(meshes.shades);
+    const auto* normals = reinterpret_cast<const std::int32_t*>(meshes.posed);
+    const auto* uvs = reinterpret_cast<const std::int32_t*>(meshes.uv);
+    const I at = hn::ShiftLeft<3>(instance);
+    const I posed = hn::GatherIndex(di, shade_words, at);
+    const I stride = hn::GatherIndex(di, shade_words + 1, at);
+    const I first_uv = hn::GatherIndex(di, shade_words + 2, at);
+    const F cosine = hn::GatherIndex(df, shade_floats + 4, at);
+    const F sine = hn::GatherIndex(df, shade_floats + 5, at);
+    const F scale = hn::GatherIndex(df, shade_floats + 6, at);
+    const U word = hn::GatherIndex(du, meshes.corners, triangle);
+    const U ten = hn::Set(du, 1023);
+    const I c0 = hn::BitCast(di, hn::And(word, ten));
+    const I c1 = hn::BitCast(di, hn::And(hn::ShiftRight<10>(word), ten));
+    const I c2 = hn::BitCast(di, hn::ShiftRight<20>(word));
+    // as place_posed
+    const auto turned = [&](const V3& p) HWY_ATTR {
+      return V3{hn::Sub(hn::Mul(p.x, cosine), hn::Mul(p.y, sine)),
+                hn::Add(hn::Mul(p.x, sine), hn::Mul(p.y, cosine)), hn::Mul(p.z, scale)};
+    };
+    const auto position = [&](I c) HWY_ATTR {
+      const I x = hn::Add(posed, c), y = hn::Add(x, stride), z = hn::Add(y, stride);
+      return Add3(
+          feet, turned({hn::GatherIndex(df, meshes.posed, x), hn::GatherIndex(df, meshes.posed, y),
+                        hn::GatherIndex(df, meshes.posed, z)}));
+    };
+    const I normal_column = hn::Add(hn::Add(posed, stride), hn::Add(stride, stride));
+    const auto normal = [&](I c) HWY_ATTR {
+      return turned(Octahedral(hn::GatherIndex(di, normals, hn::Add(normal_column, c))));
+    };
+    const auto uv = [&](I c) HWY_ATTR { return hn::GatherIndex(di, uvs, hn::Add(first_uv, c)); };
+    return {position(c0), position(c1), position(c2), uv(c0),    uv(c1),
+            uv(c2),       normal(c0),   normal(c1),   normal(c2)};
+  }
+};
+
+template <class Fetch>
+HWY_INLINE void ShadeWith(const Fetch& fetch, const SceneFrame& scene, const InstanceShade* shades,
+                          const TextureStore& textures, ShadeItems& items) {
   const FloatTag df;
   const IntTag di;
   const UintTag du;
@@ -220,19 +304,16 @@ void ShadeItemsImpl(const SceneFrame& scene, const FrameGeometry& geometry,
     items.x_px[i] = items.x_px[items.count - 1];
     items.y_px[i] = items.y_px[items.count - 1];
   }
-  const auto* indices = reinterpret_cast<const std::int32_t*>(geometry.indices.data());
-  const auto* vertex_words = reinterpret_cast<const std::int32_t*>(geometry.vertices.data());
-  const auto* vertex_floats = reinterpret_cast<const float*>(geometry.vertices.data());
   const auto* shade_words = reinterpret_cast<const std::uint32_t*>(shades);
   const auto* shade_floats = reinterpret_cast<const float*>(shades);
-  const I vertex_stride = hn::Set(di, sizeof(BatchVertex) / 4);
   const I shade_stride = hn::Set(di, sizeof(InstanceShade) / 4);
   const V3 sun = Set3(scene.sun_direction);
   HWY_ALIGN std::int32_t first[2][16], width[2][16], height[2][16], level_int[16], character[16];
   HWY_ALIGN float level_float[16];
   for (std::size_t i = 0; i < items.count; i += lanes) {
     const I triangle = hn::Load(di, items.triangle + i);
-    const I instance = hn::Mul(hn::Load(di, items.instance + i), shade_stride);
+    const I number = hn::Load(di, items.instance + i);
+    const I instance = hn::Mul(number, shade_stride);
     const F x_px = hn::Load(df, items.x_px + i), y_px = hn::Load(df, items.y_px + i);
     const auto along = [&](const glm::vec3& o, const glm::vec3& dx, const glm::vec3& dy) HWY_ATTR {
       return Add3(Add3(Set3(o), Scale3(Set3(dx), x_px)), Scale3(Set3(dy), y_px));
@@ -241,15 +322,12 @@ void ShadeItemsImpl(const SceneFrame& scene, const FrameGeometry& geometry,
     V3 origin{hn::Zero(df), hn::Zero(df), hn::Zero(df)};
     if (scene.orthographic)
       origin = along(scene.ray_origin, scene.ray_origin_x, scene.ray_origin_y);
-    const I v0 = hn::Mul(hn::GatherIndex(di, indices, triangle), vertex_stride);
-    const I v1 = hn::Mul(hn::GatherIndex(di, indices + 1, triangle), vertex_stride);
-    const I v2 = hn::Mul(hn::GatherIndex(di, indices + 2, triangle), vertex_stride);
-    const auto position = [&](I v) HWY_ATTR {
-      return V3{hn::GatherIndex(df, vertex_floats, v), hn::GatherIndex(df, vertex_floats + 1, v),
-                hn::GatherIndex(df, vertex_floats + 2, v)};
-    };
-    const V3 p0 = position(v0);
-    const V3 e1 = Sub3(position(v1), p0), e2 = Sub3(position(v2), p0);
+    const V3 feet{hn::GatherIndex(df, shade_floats, instance),
+                  hn::GatherIndex(df, shade_floats + 1, instance),
+                  hn::GatherIndex(df, shade_floats + 2, instance)};
+    const ItemCorners corner = fetch(triangle, number, feet);
+    const V3 p0 = corner.p0;
+    const V3 e1 = Sub3(corner.p1, p0), e2 = Sub3(corner.p2, p0);
     // where the ray meets the triangle's plane (Moeller & Trumbore 1997)
     const V3 p = Cross3(ray, e2);
     const F determinant = Dot3(e1, p);
@@ -267,9 +345,7 @@ void ShadeItemsImpl(const SceneFrame& scene, const FrameGeometry& geometry,
     const V3 place = Add3(p0, Add3(Scale3(e1, b1), Scale3(e2, b2)));
 
     // texture coordinates
-    const I uv0 = hn::GatherIndex(di, vertex_words + 4, v0);
-    const I uv1 = hn::GatherIndex(di, vertex_words + 4, v1);
-    const I uv2 = hn::GatherIndex(di, vertex_words + 4, v2);
+    const I uv0 = corner.uv0, uv1 = corner.uv1, uv2 = corner.uv2;
     const I low_half = hn::Set(di, 0xffff);
     const auto u_of = [&](I uv) HWY_ATTR {
       return Times(hn::ConvertTo(df, hn::And(uv, low_half)), 1.0F / 65535.0F);
@@ -358,17 +434,12 @@ void ShadeItemsImpl(const SceneFrame& scene, const FrameGeometry& geometry,
     }
 
     // light
-    V3 n = Octahedral(hn::GatherIndex(di, vertex_words + 3, v0));
-    n = Add3(Scale3(n, b0),
-             Add3(Scale3(Octahedral(hn::GatherIndex(di, vertex_words + 3, v1)), b1),
-                  Scale3(Octahedral(hn::GatherIndex(di, vertex_words + 3, v2)), b2)));
-    n = Unit3(n);
+    V3 n = Unit3(Add3(Scale3(corner.n0, b0), Add3(Scale3(corner.n1, b1), Scale3(corner.n2, b2))));
     // a triangle seen from behind (double sided): its front is what was drawn counter-clockwise
     const auto behind = hn::Lt(determinant, hn::Zero(df));
     const F side = hn::IfThenElse(behind, Set(-1.0F), Set(1.0F));
     n = Scale3(n, side);
-    const F feet_z = hn::GatherIndex(df, shade_floats + 2, instance);
-    const F rise = Clamp01(Times(hn::Add(hn::Sub(place.z, feet_z), Set(0.05F)), 1.0F / 0.8F));
+    const F rise = Clamp01(Times(hn::Add(hn::Sub(place.z, feet.z), Set(0.05F)), 1.0F / 0.8F));
     const F smooth = hn::Mul(hn::Mul(rise, rise), hn::Sub(Set(3.0F), hn::Add(rise, rise)));
     const F ao = hn::Add(Set(0.55F), Times(smooth, 0.45F));
     F facing = Clamp01(Times(hn::Add(Dot3(n, sun), Set(0.22F)), 1.0F / 1.22F));
@@ -397,6 +468,16 @@ void ShadeItemsImpl(const SceneFrame& scene, const FrameGeometry& geometry,
     hn::Store(color.y, df, items.rgb[1] + i);
     hn::Store(color.z, df, items.rgb[2] + i);
   }
+}
+
+void ShadeOwn(const SceneFrame& scene, const FrameGeometry& geometry, const InstanceShade* shades,
+              const TextureStore& textures, ShadeItems& items) {
+  ShadeWith(OwnFetch{geometry}, scene, shades, textures, items);
+}
+
+void ShadeShared(const SceneFrame& scene, const SharedMeshes& meshes, const InstanceShade* shades,
+                 const TextureStore& textures, ShadeItems& items) {
+  ShadeWith(SharedFetch{meshes}, scene, shades, textures, items);
 }
 
 /// Share of [p - w/2, p + w/2] on lines of this half width, one each period (see gl/shaders.cpp).
@@ -585,14 +666,21 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace throng::render::visibility {
 
-HWY_EXPORT(ShadeItemsImpl);
+HWY_EXPORT(ShadeOwn);
+HWY_EXPORT(ShadeShared);
 HWY_EXPORT(ShadeBackground);
 HWY_EXPORT(ShadeBlob);
 HWY_EXPORT(EncodeRow);
 
 void shade_items(const SceneFrame& scene, const FrameGeometry& geometry,
                  const InstanceShade* shades, const TextureStore& textures, ShadeItems& items) {
-  HWY_DYNAMIC_DISPATCH(ShadeItemsImpl)(scene, geometry, shades, textures, items);
+  HWY_DYNAMIC_DISPATCH(ShadeOwn)(scene, geometry, shades, textures, items);
+}
+
+void shade_shared_items(const SceneFrame& scene, const SharedMeshes& meshes,
+                        const InstanceShade* shades, const TextureStore& textures,
+                        ShadeItems& items) {
+  HWY_DYNAMIC_DISPATCH(ShadeShared)(scene, meshes, shades, textures, items);
 }
 
 void shade_background(const SceneFrame& scene, int x_px, int y_px, int count, float* r, float* g,

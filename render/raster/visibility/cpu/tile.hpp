@@ -72,6 +72,34 @@ struct InstanceTriangles {
   const Cutout* cutout = nullptr;  // null: no triangle has holes
 };
 
+/// Corners a posed mesh of the largest level has, and room for whole vectors.
+inline constexpr std::size_t kMostShared = 1024 + 16;
+
+/// An agent that shares its pose, as the tile needs it. The vertices are made here, in cache.
+struct SharedTriangles {
+  const float* posed;  // columns x, y, z of `stride` values, model frame
+  std::uint32_t stride;
+  std::uint32_t vertex_count;
+  const std::uint32_t* corners;  // [count], three vertices in bits 0, 10 and 20
+  std::uint32_t count;
+  std::uint32_t first_block;
+  glm::vec3 feet_relative;
+  float cosine_scale, sine_scale, scale;
+  bool double_sided;
+};
+
+/// Vertices of one agent on the sample grid.
+struct SharedScratch {
+  alignas(64) std::uint32_t place[kMostShared];  // x, y from the least ones, 16 bits each
+  alignas(64) std::int32_t x[kMostShared], y[kMostShared];
+  alignas(64) float depth[kMostShared];
+};
+
+/// Where a placed box falls: never smaller than the footprint of what is in it. `low` and `high` in
+/// the model frame.
+Footprint project_box(const SampleGrid& grid, const glm::vec3& low, const glm::vec3& high,
+                      const SharedTriangles& placement);
+
 struct TileCounters {
   std::uint64_t triangles = 0;  // set up
   std::uint64_t surviving = 0;  // after back-face, no-sample and off-tile culls
@@ -87,6 +115,10 @@ void clear_tile(TilePlanes& planes);
 void draw_instance(const InstanceTriangles& triangles, const Projected& projected,
                    const BatchVertex* vertices, const SampleGrid& grid, int tile_x, int tile_y,
                    TilePlanes& planes, TileCounters& counters);
+
+/// As draw_instance, of an agent wholly between the near and the far plane.
+void draw_shared(const SharedTriangles& triangles, const SampleGrid& grid, int tile_x, int tile_y,
+                 SharedScratch& scratch, TilePlanes& planes, TileCounters& counters);
 
 /// Renews the cells' lower bounds from the depth plane.
 void update_cells(TilePlanes& planes);

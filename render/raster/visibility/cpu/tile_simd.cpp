@@ -639,6 +639,20 @@ HWY_INLINE std::uint32_t Cull(Corners c, std::uint32_t first_triangle, std::size
   return special;
 }
 
+/// Finishes the survivors that did not fill a vector.
+HWY_INLINE void DrawRest(Survivors& survivors, const float* depths, std::uint32_t first_id,
+                         TilePlanes& planes, TileCounters& counters) {
+  if (survivors.count == 0) return;
+  counters.surviving += survivors.count;
+  // lanes without a triangle repeat a vertex that exists
+  for (std::size_t i = survivors.count; i < hn::Lanes(IntTag()); ++i) {
+    survivors.v0[i] = survivors.v1[i] = survivors.v2[i] = survivors.v0[0];
+    survivors.x0[i] = survivors.x1[i] = survivors.x2[i] = 0;
+    survivors.y0[i] = survivors.y1[i] = survivors.y2[i] = 0;
+  }
+  DrawSurvivors(survivors, 0, survivors.count, depths, first_id, planes);
+}
+
 void DrawInstance(const InstanceTriangles& triangles, const Projected& projected,
                   const BatchVertex* vertices, const SampleGrid& grid, int tile_x, int tile_y,
                   TilePlanes& planes, TileCounters& counters) {
@@ -707,15 +721,154 @@ void DrawInstance(const InstanceTriangles& triangles, const Projected& projected
                   tile_y, planes, counters);
     }
   }
-  if (survivors.count == 0) return;
-  counters.surviving += survivors.count;
-  // lanes without a triangle repeat a vertex that exists
-  for (std::size_t i = survivors.count; i < lanes; ++i) {
-    survivors.v0[i] = survivors.v1[i] = survivors.v2[i] = survivors.v0[0];
-    survivors.x0[i] = survivors.x1[i] = survivors.x2[i] = 0;
-    survivors.y0[i] = survivors.y1[i] = survivors.y2[i] = 0;
+  DrawRest(survivors, projected.depth.data(), first_id, planes, counters);
+}
+
+/// Vertices of an agent, from the model frame to the sample grid; `result` holds the least x and y.
+HWY_INLINE void PlaceVertices(const SharedTriangles& s, const SampleGrid& grid, int tile_x,
+                              int tile_y, SharedScratch& scratch, std::int32_t& x_least,
+                              std::int32_t& y_least) {
+  const FloatTag df;
+  const IntTag di;
+  const UintTag du;
+  const std::size_t lanes = hn::Lanes(df);
+  const glm::mat4& m = grid.clip_from_relative;
+  const auto half_x = hn::Set(df, static_cast<float>(grid.width) * (element::kSubUnit / 2));
+  const auto half_y = hn::Set(df, static_cast<float>(grid.height) * (element::kSubUnit / 2));
+  const auto one = hn::Set(df, 1.0F), half = hn::Set(df, 0.5F);
+  const auto cosine = hn::Set(df, s.cosine_scale), sine = hn::Set(df, s.sine_scale);
+  const auto scale = hn::Set(df, s.scale);
+  const auto feet_x = hn::Set(df, s.feet_relative.x), feet_y = hn::Set(df, s.feet_relative.y);
+  const auto feet_z = hn::Set(df, s.feet_relative.z);
+  const auto corner_x = hn::Set(di, tile_x * element::kSubUnit);
+  const auto corner_y = hn::Set(di, tile_y * element::kSubUnit);
+  auto x_low = hn::Set(di, INT32_MAX), y_low = hn::Set(di, INT32_MAX);
+  // whole vectors: the columns are padded with their last vertex
+  for (std::size_t i = 0; i < s.vertex_count; i += lanes) {
+    const auto x = hn::Load(df, s.posed + i);
+    const auto y = hn::Load(df, s.posed + s.stride + i);
+    const auto z = hn::Load(df, s.posed + 2 * std::size_t{s.stride} + i);
+    // as place_posed: both geometries give the same bits
+    const auto px = hn::Add(feet_x, hn::Sub(hn::Mul(x, cosine), hn::Mul(y, sine)));
+    const auto py = hn::Add(feet_y, hn::Add(hn::Mul(x, sine), hn::Mul(y, cosine)));
+    const auto pz = hn::Add(feet_z, hn::Mul(z, scale));
+    const auto row = [&](int r) HWY_ATTR {
+      const auto a = hn::Mul(hn::Set(df, m[0][r]), px);
+      const auto b = hn::Mul(hn::Set(df, m[1][r]), py);
+      const auto c = hn::Mul(hn::Set(df, m[2][r]), pz);
+      return hn::Add(hn::Add(hn::Add(a, b), c), hn::Set(df, m[3][r]));
+    };
+    const auto inverse_w = hn::Div(one, row(3));
+    const auto sx = hn::Mul(hn::Mul(row(0), inverse_w), half_x);
+    const auto sy = hn::Mul(hn::Mul(row(1), inverse_w), half_y);
+    const auto ix =
+        hn::Sub(hn::ConvertTo(di, hn::Floor(hn::Add(hn::Add(sx, half_x), half))), corner_x);
+    const auto iy =
+        hn::Sub(hn::ConvertTo(di, hn::Floor(hn::Add(hn::Sub(half_y, sy), half))), corner_y);
+    x_low = hn::Min(x_low, ix);
+    y_low = hn::Min(y_low, iy);
+    hn::Store(ix, di, scratch.x + i);
+    hn::Store(iy, di, scratch.y + i);
+    hn::Store(hn::Mul(row(2), inverse_w), df, scratch.depth + i);
   }
-  DrawSurvivors(survivors, 0, survivors.count, projected.depth.data(), first_id, planes);
+  x_least = hn::GetLane(hn::MinOfLanes(di, x_low));
+  y_least = hn::GetLane(hn::MinOfLanes(di, y_low));
+  const auto low_x = hn::Set(di, x_least), low_y = hn::Set(di, y_least);
+  for (std::size_t i = 0; i < s.vertex_count; i += lanes) {
+    const auto x = hn::Sub(hn::Load(di, scratch.x + i), low_x);
+    const auto y = hn::Sub(hn::Load(di, scratch.y + i), low_y);
+    hn::Store(hn::BitCast(du, hn::Or(x, hn::ShiftLeft<16>(y))), du, scratch.place + i);
+  }
+}
+
+/// The packed places of one vector of corners. kTables: vertices are in that many registers.
+template <int kTables>
+HWY_INLINE Uint LookUp(const std::uint32_t* place, const Uint* tables, Int corner) {
+  const IntTag di;
+  const UintTag du;
+  if constexpr (kTables == 0) {
+    return hn::GatherIndex(du, place, corner);
+  } else {
+    const auto within = hn::IndicesFromVec(du, hn::And(corner, hn::Set(di, 15)));
+    auto result = hn::TableLookupLanes(tables[0], within);
+    for (int k = 1; k < kTables; ++k) {
+      const auto here = hn::Gt(corner, hn::Set(di, 16 * k - 1));
+      result =
+          hn::IfThenElse(hn::RebindMask(du, here), hn::TableLookupLanes(tables[k], within), result);
+    }
+    return result;
+  }
+}
+
+template <int kTables>
+HWY_INLINE void DrawPlaced(const SharedTriangles& triangles, const SharedScratch& scratch,
+                           std::int32_t x_least, std::int32_t y_least, TilePlanes& planes,
+                           TileCounters& counters) {
+  const IntTag di;
+  const UintTag du;
+  const std::size_t lanes = hn::Lanes(di);
+  const std::uint32_t first_id =
+      element::sample_id(element::SampleClass::kMesh, triangles.first_block, 0);
+  Uint tables[kTables == 0 ? 1 : kTables];
+  for (int k = 0; k < kTables; ++k) tables[k] = hn::Load(du, scratch.place + 16 * k);
+  const auto low_x = hn::Set(di, x_least), low_y = hn::Set(di, y_least);
+  const auto ten = hn::Set(du, 1023), low_half = hn::Set(du, 0xffff);
+  Survivors survivors;
+  for (std::uint32_t t = 0; t < triangles.count; t += static_cast<std::uint32_t>(lanes)) {
+    // beyond the last triangle others are read, or padding, and not drawn
+    const std::size_t batch = std::min<std::size_t>(lanes, triangles.count - t);
+    const auto word = hn::LoadU(du, triangles.corners + t);
+    Corners c;
+    c.v0 = hn::BitCast(di, hn::And(word, ten));
+    c.v1 = hn::BitCast(di, hn::And(hn::ShiftRight<10>(word), ten));
+    c.v2 = hn::BitCast(di, hn::ShiftRight<20>(word));
+    const auto p0 = LookUp<kTables>(scratch.place, tables, c.v0);
+    const auto p1 = LookUp<kTables>(scratch.place, tables, c.v1);
+    const auto p2 = LookUp<kTables>(scratch.place, tables, c.v2);
+    const auto x_of = [&](Uint p) HWY_ATTR {
+      return hn::Add(hn::BitCast(di, hn::And(p, low_half)), low_x);
+    };
+    const auto y_of = [&](Uint p) HWY_ATTR {
+      return hn::Add(hn::BitCast(di, hn::ShiftRight<16>(p)), low_y);
+    };
+    c.x0 = x_of(p0);
+    c.x1 = x_of(p1);
+    c.x2 = x_of(p2);
+    c.y0 = y_of(p0);
+    c.y1 = y_of(p1);
+    c.y2 = y_of(p2);
+    std::uint32_t special = Cull(c, t, batch, 0, triangles.double_sided, survivors);
+    for (; special != 0; special &= special - 1) {
+      const std::uint32_t triangle = t + static_cast<std::uint32_t>(__builtin_ctz(special));
+      SnappedVertex corner[3];
+      for (int k = 0; k < 3; ++k) {
+        const std::size_t v = (triangles.corners[triangle] >> (10 * k)) & 1023U;
+        corner[k] = {scratch.x[v], scratch.y[v], scratch.depth[v], 0.0F};
+      }
+      DrawOne(corner[0], corner[1], corner[2], first_id + triangle, triangles.double_sided, 0, 0,
+              planes, counters);
+    }
+    if (survivors.count >= lanes) {
+      survivors.count -= lanes;
+      counters.surviving += lanes;
+      DrawSurvivors(survivors, survivors.count, lanes, scratch.depth, first_id, planes);
+    }
+  }
+  DrawRest(survivors, scratch.depth, first_id, planes, counters);
+}
+
+void DrawShared(const SharedTriangles& triangles, const SampleGrid& grid, int tile_x, int tile_y,
+                SharedScratch& scratch, TilePlanes& planes, TileCounters& counters) {
+  counters.triangles += triangles.count;
+  std::int32_t x_least = 0, y_least = 0;
+  PlaceVertices(triangles, grid, tile_x, tile_y, scratch, x_least, y_least);
+  if (hn::Lanes(IntTag()) == 16 && triangles.vertex_count <= 32) {
+    DrawPlaced<2>(triangles, scratch, x_least, y_least, planes, counters);
+  } else if (hn::Lanes(IntTag()) == 16 && triangles.vertex_count <= 64) {
+    DrawPlaced<4>(triangles, scratch, x_least, y_least, planes, counters);
+  } else {
+    DrawPlaced<0>(triangles, scratch, x_least, y_least, planes, counters);
+  }
 }
 
 void UpdateCells(TilePlanes& planes) {
@@ -746,6 +899,7 @@ namespace throng::render::visibility {
 
 HWY_EXPORT(ProjectVertices);
 HWY_EXPORT(DrawInstance);
+HWY_EXPORT(DrawShared);
 HWY_EXPORT(UpdateCells);
 HWY_EXPORT(SimdName);
 
@@ -759,6 +913,59 @@ void draw_instance(const InstanceTriangles& triangles, const Projected& projecte
                    TilePlanes& planes, TileCounters& counters) {
   HWY_DYNAMIC_DISPATCH(DrawInstance)
   (triangles, projected, vertices, grid, tile_x, tile_y, planes, counters);
+}
+
+void draw_shared(const SharedTriangles& triangles, const SampleGrid& grid, int tile_x, int tile_y,
+                 SharedScratch& scratch, TilePlanes& planes, TileCounters& counters) {
+  HWY_DYNAMIC_DISPATCH(DrawShared)(triangles, grid, tile_x, tile_y, scratch, planes, counters);
+}
+
+Footprint project_box(const SampleGrid& grid, const glm::vec3& low, const glm::vec3& high,
+                      const SharedTriangles& placement) {
+  const glm::mat4& m = grid.clip_from_relative;
+  // the box's corners in clip space by its edges; what is in it lies between them on the picture
+  const float c = placement.cosine_scale, s = placement.sine_scale;
+  const glm::vec3 extent = high - low;
+  const glm::vec3 base =
+      placement.feet_relative +
+      glm::vec3(low.x * c - low.y * s, low.x * s + low.y * c, low.z * placement.scale);
+  const glm::vec4 origin = to_clip(m, base);
+  const glm::vec4 along_x = (m[0] * c + m[1] * s) * extent.x;
+  const glm::vec4 along_y = (m[1] * c - m[0] * s) * extent.y;
+  const glm::vec4 along_z = m[2] * (placement.scale * extent.z);
+  float x_low = 1e30F, y_low = 1e30F, x_high = -1e30F, y_high = -1e30F, nearest = 0.0F;
+  for (int corner = 0; corner < 8; ++corner) {
+    glm::vec4 p = origin;
+    if ((corner & 1) != 0) p += along_x;
+    if ((corner & 2) != 0) p += along_y;
+    if ((corner & 4) != 0) p += along_z;
+    const float inverse_w = 1.0F / p.w;
+    const float x = p.x * inverse_w, y = p.y * inverse_w;
+    x_low = std::min(x_low, x);
+    x_high = std::max(x_high, x);
+    y_low = std::min(y_low, y);
+    y_high = std::max(y_high, y);
+    nearest = std::max(nearest, p.z * inverse_w);
+  }
+  const float half_x = 0.5F * static_cast<float>(grid.width);
+  const float half_y = 0.5F * static_cast<float>(grid.height);
+  // half a sample for the centres, and a sixteenth for every rounding on the way
+  constexpr float kSlack = 0.0625F - 0.5F;
+  const auto clamped = [](float value, std::int32_t last) {
+    return static_cast<std::int32_t>(std::clamp(value, -1.0F, static_cast<float>(last) + 1.0F));
+  };
+  Footprint footprint;
+  footprint.clipped = false;
+  footprint.x_low =
+      std::max(0, clamped(std::ceil((1.0F + x_low) * half_x - 0.5F - 0.0625F), grid.width));
+  footprint.y_low =
+      std::max(0, clamped(std::ceil((1.0F - y_high) * half_y - 0.5F - 0.0625F), grid.height));
+  footprint.x_high =
+      std::min(grid.width - 1, clamped(std::floor((1.0F + x_high) * half_x + kSlack), grid.width));
+  footprint.y_high =
+      std::min(grid.height - 1, clamped(std::floor((1.0F - y_low) * half_y + kSlack), grid.height));
+  footprint.depth_high = nearest * (1.0F + 1e-6F);
+  return footprint;
 }
 
 void update_cells(TilePlanes& planes) { HWY_DYNAMIC_DISPATCH(UpdateCells)(planes); }

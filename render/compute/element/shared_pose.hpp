@@ -1,0 +1,80 @@
+#pragma once
+
+#include "render/compute/element/gait.hpp"
+#include "render/compute/element/pose.hpp"
+
+namespace throng::render::element {
+
+/// Poses that far agents share: each clip at fixed phases, walk mixed with idle and with run in
+/// fixed shares. A pose's number counts within its character.
+inline constexpr std::uint32_t kPhases = 128;
+inline constexpr std::uint32_t kShares = 16;
+inline constexpr std::uint32_t kSharedPoses = kPhases * (1 + 2 * kShares);
+
+/// How coarsely an agent takes its pose: tier k uses every 2^k-th phase and share.
+inline constexpr std::uint32_t kTiers = 4;
+
+/// The nearest of the poses that a tier offers.
+///
+/// Off by half a step at most. A walk of the built-in cast moves the surface by 1.2 m in a cycle
+/// (root mean square over the figure at the fastest moment; the toes by 4 m), and standing differs
+/// from walking by 0.2 m.
+THRONG_HOST_DEVICE inline std::uint32_t shared_pose_of(const Pose& pose, const Gait& gait,
+                                                       std::uint32_t tier) {
+  const auto is_within = [](const ClipRange& clip, std::uint32_t frame) {
+    return frame >= clip.first_frame && frame - clip.first_frame < clip.frame_count;
+  };
+  const auto phase_of = [tier](const ClipRange& clip, std::uint32_t frame, float t) {
+    const float cycles =
+        (static_cast<float>(frame - clip.first_frame) + t) / static_cast<float>(clip.frame_count);
+    const float steps = static_cast<float>(kPhases >> tier);
+    const auto nearest = static_cast<std::uint32_t>(fused(cycles, steps, 0.5F));
+    return (nearest << tier) & (kPhases - 1);
+  };
+  const auto share_of = [tier](float share) {
+    const float steps = static_cast<float>(kShares >> tier);
+    return static_cast<std::uint32_t>(fused(share, steps, 0.5F)) << tier;
+  };
+  if (is_within(gait.idle, pose.a_frame0)) return phase_of(gait.idle, pose.a_frame0, pose.a_t);
+  const ClipRange& walk = gait.walk.frame_count != 0 ? gait.walk : gait.run;
+  const std::uint32_t phase = phase_of(walk, pose.a_frame0, pose.a_t);
+  if (!(pose.b_weight > 0.0F)) return kPhases * kShares + phase;
+  if (is_within(gait.run, pose.b_frame0) && gait.walk.frame_count != 0) {
+    const std::uint32_t run = share_of(pose.b_weight);
+    return kPhases * (run == 0 ? kShares : kShares + run) + phase;
+  }
+  const std::uint32_t moving = share_of(1.0F - pose.b_weight);
+  if (moving == 0) return phase_of(gait.idle, pose.b_frame0, pose.b_t);
+  return kPhases * moving + phase;
+}
+
+/// The pose of a number.
+THRONG_HOST_DEVICE inline Pose shared_pose(const Gait& gait, std::uint32_t number) {
+  const double cycles = static_cast<double>(number % kPhases) / static_cast<double>(kPhases);
+  const std::uint32_t row = number / kPhases;
+  Pose pose;
+  if (row == 0) {
+    sample_clip(gait.idle, cycles, pose.a_frame0, pose.a_frame1, pose.a_t);
+    return pose;
+  }
+  const ClipRange& walk = gait.walk.frame_count != 0 ? gait.walk : gait.run;
+  sample_clip(walk, cycles, pose.a_frame0, pose.a_frame1, pose.a_t);
+  if (row < kShares) {  // what stands in a walk is the idle clip's first moment
+    pose.b_frame0 = pose.b_frame1 = gait.idle.first_frame;
+    pose.b_weight = 1.0F - static_cast<float>(row) / static_cast<float>(kShares);
+  } else if (row > kShares) {
+    sample_clip(gait.run, cycles, pose.b_frame0, pose.b_frame1, pose.b_t);
+    pose.b_weight = static_cast<float>(row - kShares) / static_cast<float>(kShares);
+  }
+  return pose;
+}
+
+/// What a tier's poses are off by as a share of the figure's height: root mean square over the
+/// figure, at the worst moment of a walk mixed with standing (built-in cast, height 1.75 m).
+inline constexpr float kTierError[kTiers] = {0.0066F, 0.0097F, 0.018F, 0.036F};
+/// Who would be off by more pixels takes a finer tier, and at last a pose of its own.
+inline constexpr float kSharedErrorPx = 0.25F;
+/// Of the bounding sphere; larger agents never share.
+inline constexpr float kSharedRadiusPx = 48.0F;
+
+}  // namespace throng::render::element
