@@ -1,6 +1,9 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 
+#include <cstdio>
+#include <tuple>
+
 #include "simplify/report/report.hpp"
 
 namespace throng::simplify {
@@ -50,24 +53,17 @@ std::string cell(const std::string& text, bool is_worse) {
   return absl::StrCat(is_worse ? "<td class=\"worse\">" : "<td>", text, "</td>");
 }
 
-const SummaryRow* find(const std::vector<SummaryRow>& rows, std::uint32_t level, Method method) {
-  for (const SummaryRow& row : rows) {
-    if (row.level == level && row.method == method) return &row;
-  }
-  return nullptr;
-}
-
 struct Measure {
   const char* name;
-  double SummaryRow::Figures::*value;
+  double Figures::*value;
   double step;  // positive: more is better, negative: less is
   const char* format;
 };
 const Measure kMeasures[] = {
-    {"silhouette overlap", &SummaryRow::Figures::overlap, kOverlapStep, "%.3f"},
-    {"PSNR", &SummaryRow::Figures::psnr_db, kPsnrStep, "%.2f dB"},
-    {"SSIM", &SummaryRow::Figures::ssim, kSsimStep, "%.4f"},
-    {"Hausdorff distance", &SummaryRow::Figures::hausdorff_percent, -kHausdorffStep, "%.2f %%"}};
+    {"silhouette overlap", &Figures::overlap, kOverlapStep, "%.3f"},
+    {"PSNR", &Figures::psnr_db, kPsnrStep, "%.2f dB"},
+    {"SSIM", &Figures::ssim, kSsimStep, "%.4f"},
+    {"Hausdorff distance", &Figures::hausdorff_percent, -kHausdorffStep, "%.2f %%"}};
 
 bool is_worse(double ours, double theirs, double step) {
   return step > 0.0 ? ours < theirs - step : ours > theirs - step;
@@ -96,57 +92,71 @@ void add_summary(const std::vector<SummaryRow>& rows, std::string& html) {
                     is_ours ? kLevelSpecs[row.level].name : "", "</td><td class=\"words\">",
                     method_name(row.method), "</td>",
                     cell(absl::StrFormat("%.2f", row.triangle_ratio), false));
-    for (const SummaryRow::Figures* f : {&row.median, &row.worst_pose})
+    for (const Figures* f : {&row.median, &row.worst_pose})
       absl::StrAppendFormat(&html, "<td>%.3f</td><td>%.2f</td><td>%.4f</td><td>%.2f</td>",
                             f->overlap, f->psnr_db, f->ssim, f->hausdorff_percent);
-    if (is_ours) {
-      html += "<td></td></tr>\n";
-    } else {
-      absl::StrAppendFormat(&html, "<td>%u of %u</td></tr>\n", row.at_least_as_good,
-                            row.characters);
-    }
+    html += "</tr>\n";
   }
   html += "</table></div>\n";
 }
 
-/// Where the goal isn't met, in words.
-void add_verdict(const std::vector<SummaryRow>& rows, std::string& html) {
+/// throng / rival, red where it is less good.
+void add_pair(const Measure& measure, const Figures& ours, const Figures& theirs,
+              std::string& html) {
+  const double a = ours.*measure.value, b = theirs.*measure.value;
+  html += cell(absl::StrCat(format(measure.format, a), " / ", format(measure.format, b)),
+               is_worse(a, b, measure.step));
+}
+
+/// At the same triangle counts, and in words where the goal isn't met.
+void add_comparison(const std::vector<ComparisonRow>& rows, std::string& html) {
+  if (rows.empty()) return;
+  html +=
+      "<h2>At the same triangle counts</h2>\n<p>throng / meshoptimizer, medians over the "
+      "characters "
+      "that meshoptimizer brings down to throng's triangle count (at most 5 % more). Where it is "
+      "stuck above, it draws more and isn't compared. Red: throng is worse.</p>\n"
+      "<div "
+      "class=\"scroll\"><table><tr><th>level</th><th>rival</th><th>characters</th><th>stuck</th>";
+  for (const char* of : {"median", "worst pose"}) {
+    for (const Measure& measure : kMeasures)
+      absl::StrAppend(&html, "<th>", measure.name, "<br><span class=\"quiet\">", of,
+                      "</span></th>");
+  }
+  html += "<th>SSIM no worse<br><span class=\"quiet\">characters</span></th></tr>\n";
   std::string losses;
-  bool has_rival = false;
-  for (std::uint32_t level = 1; level < kLevelSpecs.size(); ++level) {
-    const SummaryRow* ours = find(rows, level, Method::kThrong);
-    for (const Method method : {Method::kAttributes, Method::kPlain}) {
-      const SummaryRow* theirs = find(rows, level, method);
-      if (ours == nullptr || theirs == nullptr) continue;
-      has_rival = true;
-      const std::pair<const char*, SummaryRow::Figures SummaryRow::*> parts[] = {
-          {"in the median", &SummaryRow::median}, {"in the worst pose", &SummaryRow::worst_pose}};
-      const std::string extra =
-          theirs->triangle_ratio > 1.05
-              ? absl::StrFormat(", which got stuck at %.1f times the triangles",
-                                theirs->triangle_ratio)
-              : "";
-      for (const auto& [words, part] : parts) {
-        for (const Measure& measure : kMeasures) {
-          const double a = (ours->*part).*measure.value, b = (theirs->*part).*measure.value;
-          if (!is_worse(a, b, measure.step)) continue;
-          absl::StrAppend(&losses, "<li>", kLevelSpecs[level].name, ", ", words, ": ", measure.name,
-                          " ", format(measure.format, a), " against ", format(measure.format, b),
-                          " of ", method_name(method), extra, "</li>\n");
-        }
+  for (const ComparisonRow& row : rows) {
+    const char* level = kLevelSpecs[row.level].name;
+    absl::StrAppendFormat(&html,
+                          "<tr%s><td>%s</td><td class=\"words\">%s</td><td>%u</td><td>%u</td>",
+                          row.rival == Method::kAttributes ? " class=\"first\"" : "", level,
+                          method_name(row.rival), row.characters, row.stuck);
+    if (row.characters == 0) {
+      html += "<td colspan=\"9\"></td></tr>\n";
+      continue;
+    }
+    const std::tuple<const char*, const Figures*, const Figures*> parts[] = {
+        {"in the median", &row.throng_median, &row.rival_median},
+        {"in the worst pose", &row.throng_worst_pose, &row.rival_worst_pose}};
+    for (const auto& [words, ours, theirs] : parts) {
+      for (const Measure& measure : kMeasures) {
+        add_pair(measure, *ours, *theirs, html);
+        const double a = ours->*measure.value, b = theirs->*measure.value;
+        if (!is_worse(a, b, measure.step)) continue;
+        absl::StrAppend(&losses, "<li>", level, ", ", words, ": ", measure.name, " ",
+                        format(measure.format, a), " against ", format(measure.format, b), " of ",
+                        method_name(row.rival), "</li>\n");
       }
     }
+    absl::StrAppendFormat(&html, "<td>%u of %u</td></tr>\n", row.no_worse, row.characters);
   }
-  if (!has_rival) return;
+  html += "</table></div>\n";
   if (losses.empty()) {
     html +=
-        "<p>throng is nowhere worse than meshoptimizer, in the median over characters and in their "
-        "worst poses.</p>\n";
+        "<p>throng is nowhere worse, in the median over characters and in their worst poses.</p>\n";
   } else {
-    absl::StrAppend(&html,
-                    "<p class=\"worse\">Where throng is worse than meshoptimizer at the same "
-                    "triangle counts:</p><ul>\n",
-                    losses, "</ul>\n");
+    absl::StrAppend(&html, "<p class=\"worse\">Where throng is worse:</p><ul>\n", losses,
+                    "</ul>\n");
   }
 }
 
@@ -270,9 +280,9 @@ std::string report_html(const ReportResult& result, const ReportOptions& options
   html +=
       "<h2>All characters</h2>\n<p>Median over characters. <a href=\"levels.csv\">levels.csv</a>, "
       "<a "
-      "href=\"summary.csv\">summary.csv</a></p>\n";
+      "href=\"summary.csv\">summary.csv</a>, <a href=\"comparison.csv\">comparison.csv</a></p>\n";
   add_summary(rows, html);
-  add_verdict(rows, html);
+  add_comparison(compare(result.characters), html);
   html += extra_html;
   html += "<h2>Characters, what loses most first</h2>\n<p>";
   for (const CharacterReport& character : result.characters)

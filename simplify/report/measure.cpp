@@ -18,7 +18,6 @@
 namespace throng::simplify {
 namespace {
 
-constexpr std::uint32_t kSeed = 7;
 constexpr std::uint32_t kNearPx = 8;  // pixels this near a figure are compared (design: section 8)
 constexpr int kMarginPx = 14;         // those and half a window of SSIM
 constexpr int kSheetPx = 3072;        // figures are drawn on sheets of about this size
@@ -350,7 +349,7 @@ absl::StatusOr<Measured> Measurer::run() {
     report_.poses.push_back(pose_name(character_, pose));
     posed_.push_back(pose_vertices(character_, pose));
   }
-  auto studio = Studio::make(character_, kSeed);
+  auto studio = Studio::make(character_, seed_of(character_.name));
   if (!studio.ok()) return studio.status();
   studio_ = *std::move(studio);
 

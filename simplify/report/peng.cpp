@@ -118,9 +118,9 @@ absl::StatusOr<PengFigures> paint_peng2011(const std::string& builtin_name,
     all_posed.push_back(pose_vertices(*all, pose));
   }
   for (const PosedVertices& posed : all_posed) shown_poses.push_back(&posed);
-  auto bind_studio = Studio::make(*bind, 7);
+  auto bind_studio = Studio::make(*bind, seed_of(builtin_name));
   if (!bind_studio.ok()) return bind_studio.status();
-  auto all_studio = Studio::make(*all, 7);
+  auto all_studio = Studio::make(*all, seed_of(builtin_name));
   if (!all_studio.ok()) return all_studio.status();
 
   PengFigures figures;

@@ -85,6 +85,11 @@ class Writer {
         !status.ok()) {
       return status;
     }
+    if (auto status =
+            write_text(folder / "comparison.csv", comparison_csv(compare(result_.characters)));
+        !status.ok()) {
+      return status;
+    }
     std::string peng;
     if (!options_.peng2011.empty()) {
       say(absl::StrCat("baking ", options_.peng2011, " by the published criterion"));

@@ -50,24 +50,38 @@ struct ReportResult {
 /// what stops everything: nothing to report, a folder that can't be written (Unavailable).
 absl::StatusOr<ReportResult> write_report(const ReportOptions& options);
 
+/// Over a number of characters.
+struct Figures {
+  double overlap = 0.0, psnr_db = 0.0, ssim = 0.0, hausdorff_percent = 0.0;
+};
+
 /// One method at one level over all characters.
 struct SummaryRow {
   Method method = Method::kThrong;
   std::uint32_t level = 0;
   std::uint32_t characters = 0;
-  struct Figures {
-    double overlap = 0.0, psnr_db = 0.0, ssim = 0.0, hausdorff_percent = 0.0;
-  };
-  Figures median;                      // over characters, of their medians over all pictures
-  Figures worst_pose;                  // over characters, median of what each has in its worst pose
-  Figures worst;                       // of the worst character in its worst pose
-  double triangle_ratio = 1.0;         // median over characters of triangles to throng's
-  std::uint32_t at_least_as_good = 0;  // characters where throng's median ssim is no less (rivals)
+  Figures median;               // over characters, of their medians over all pictures
+  Figures worst_pose;           // over characters, median of what each has in its worst pose
+  Figures worst;                // of the worst character in its worst pose
+  double triangle_ratio = 1.0;  // median over characters of triangles to throng's
 };
 std::vector<SummaryRow> summarize(const std::vector<CharacterReport>& characters);
 
+/// throng beside a rival at one level, over the characters where the rival came down to throng's
+/// triangle count (at most 5 % more); elsewhere it is stuck and draws more.
+struct ComparisonRow {
+  Method rival = Method::kPlain;
+  std::uint32_t level = 0;
+  std::uint32_t characters = 0, stuck = 0;  // compared, left out
+  Figures throng_median, rival_median;      // as in SummaryRow
+  Figures throng_worst_pose, rival_worst_pose;
+  std::uint32_t no_worse = 0;  // characters where throng's median ssim is no less
+};
+std::vector<ComparisonRow> compare(const std::vector<CharacterReport>& characters);
+
 std::string levels_csv(const std::vector<CharacterReport>& characters);
 std::string summary_csv(const std::vector<SummaryRow>& rows);
+std::string comparison_csv(const std::vector<ComparisonRow>& rows);
 std::string report_json(const ReportResult& result);
 /// @param extra_html  put before the characters
 std::string report_html(const ReportResult& result, const ReportOptions& options,

@@ -126,9 +126,9 @@ void add_shadow(const Guest& guest, const glm::vec2& origin, float px_per_m, Can
   }
 }
 
-absl::Status add_figure(const Guest& guest, std::uint32_t seed, const glm::vec2& origin,
-                        float px_per_m, Canvas& canvas) {
-  auto studio = Studio::make(guest.character, seed);
+absl::Status add_figure(const Guest& guest, const glm::vec2& origin, float px_per_m,
+                        Canvas& canvas) {
+  auto studio = Studio::make(guest.character, seed_of(guest.name));
   if (!studio.ok()) return studio.status();
   const glm::ivec2 low(glm::floor(origin + guest.frame.low * px_per_m) - 2.0F);
   const glm::ivec2 high(glm::ceil(origin + guest.frame.high * px_per_m) + 2.0F);
@@ -143,7 +143,7 @@ absl::Status add_figure(const Guest& guest, std::uint32_t seed, const glm::vec2&
   return absl::OkStatus();
 }
 
-absl::Status paint_row(const Row& row, int top, std::uint32_t first_seed, Canvas& canvas) {
+absl::Status paint_row(const Row& row, int top, Canvas& canvas) {
   const auto width = static_cast<int>(canvas.width_px());
   float highest_m = row.guests[0]->character.height_m;
   for (const Guest* guest : row.guests) highest_m = std::max(highest_m, -guest->frame.low.y);
@@ -169,17 +169,14 @@ absl::Status paint_row(const Row& row, int top, std::uint32_t first_seed, Canvas
                  kSmallCapPx, kPale);
   }
   float x = 0.5F * static_cast<float>(width + kRulerPx - row.width);
-  for (std::size_t i = 0; i < row.guests.size(); ++i) {
-    const Guest& guest = *row.guests[i];
+  for (const Guest* each : row.guests) {
+    const Guest& guest = *each;
     const auto place = static_cast<float>(width_px(guest, row.px_per_m));
     const glm::vec2 origin(
         x + 0.5F * place - 0.5F * (guest.frame.low.x + guest.frame.high.x) * row.px_per_m,
         static_cast<float>(ground));
     add_shadow(guest, origin, row.px_per_m, canvas);
-    if (auto status = add_figure(guest, first_seed + static_cast<std::uint32_t>(i), origin,
-                                 row.px_per_m, canvas);
-        !status.ok())
-      return status;
+    if (auto status = add_figure(guest, origin, row.px_per_m, canvas); !status.ok()) return status;
     float y = static_cast<float>(ground + kFloorPx) + 20.0F;
     for (const std::string& line : guest.name_lines) {
       canvas.write(line, {x + 0.5F * (place - Canvas::width_of(line, kNameCapPx)), y}, kNameCapPx,
@@ -242,10 +239,8 @@ absl::Status write_sheet(const SheetOptions& options) {
   canvas.write(guests.size() == 1 ? guests[0].name : absl::StrCat(guests.size(), " characters"),
                {static_cast<float>(kMarginPx), 42.0F}, 17.0F, kInk);
   int top = kTitlePx;
-  std::uint32_t seed = 1;
   for (const Row& row : rows) {
-    if (auto status = paint_row(row, top, seed, canvas); !status.ok()) return status;
-    seed += static_cast<std::uint32_t>(row.guests.size());
+    if (auto status = paint_row(row, top, canvas); !status.ok()) return status;
     top += height_of(row);
   }
   const render::Picture& picture = canvas.picture();

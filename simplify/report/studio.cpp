@@ -48,6 +48,12 @@ std::uint8_t byte_from_linear(float c) {
   return static_cast<std::uint8_t>(glm::clamp(s, 0.0F, 1.0F) * 255.0F + 0.5F);
 }
 
+std::uint32_t seed_of(std::string_view name) {
+  std::uint32_t hash = 2166136261U;
+  for (const char c : name) hash = (hash ^ static_cast<std::uint8_t>(c)) * 16777619U;
+  return hash;
+}
+
 Frame frame_of(const PosedVertices& posed, float turn_rad, float elevation_rad) {
   const float c = std::cos(turn_rad - kQuarterTurnRad), s = std::sin(turn_rad - kQuarterTurnRad);
   const float up_y = std::sin(elevation_rad), up_z = std::cos(elevation_rad);

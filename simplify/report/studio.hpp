@@ -7,6 +7,7 @@
 #include <glm/glm.hpp>
 #include <memory>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "simplify/bake/levels.hpp"
@@ -41,6 +42,9 @@ struct Cutout {
   std::uint32_t width_px = 0, height_px = 0;
   std::vector<glm::vec4> pixels;
 };
+
+/// Of a character's tints on pictures, from its name (FNV-1a): the same in every picture.
+std::uint32_t seed_of(std::string_view name);
 
 /// Draws one character in many poses with the rasterizer that viewers' pictures come from, in front
 /// of one even colour.

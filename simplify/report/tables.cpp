@@ -15,7 +15,7 @@ double median_of(std::vector<double> values) {
   return 0.5 * (values[(values.size() - 1) / 2] + values[values.size() / 2]);
 }
 
-double hausdorff_percent(const CharacterReport& character, const LevelReport& row) {
+double hausdorff_percent_of(const CharacterReport& character, const LevelReport& row) {
   return 100.0 * static_cast<double>(row.hausdorff_m / character.height_m);
 }
 
@@ -30,45 +30,108 @@ std::string field(const std::string& text) {
 
 }  // namespace
 
+namespace {
+
+constexpr double kSameTriangles = 1.05;
+
+/// Figures of many characters, to take the median of.
+struct Gathered {
+  std::vector<double> overlap, psnr_db, ssim, hausdorff_percent;
+  void add(double overlap_of, double psnr, double ssim_of, double hausdorff) {
+    overlap.push_back(overlap_of);
+    psnr_db.push_back(psnr);
+    ssim.push_back(ssim_of);
+    hausdorff_percent.push_back(hausdorff);
+  }
+  void add_median(const CharacterReport& character, const LevelReport& row) {
+    add(row.overlap.median, row.psnr_db.median, row.ssim.median,
+        hausdorff_percent_of(character, row));
+  }
+  void add_worst_pose(const CharacterReport& character, const LevelReport& row) {
+    add(row.overlap.worst_pose, row.psnr_db.worst_pose, row.ssim.worst_pose,
+        hausdorff_percent_of(character, row));
+  }
+  Figures median() const {
+    return {median_of(overlap), median_of(psnr_db), median_of(ssim), median_of(hausdorff_percent)};
+  }
+  Figures worst() const {
+    const auto least = [](const std::vector<double>& v) {
+      return *std::min_element(v.begin(), v.end());
+    };
+    return {least(overlap), least(psnr_db), least(ssim),
+            *std::max_element(hausdorff_percent.begin(), hausdorff_percent.end())};
+  }
+};
+
+void add_fields(const Figures& f, std::string& csv) {
+  absl::StrAppendFormat(&csv, ",%.5f,%.3f,%.5f,%.3f", f.overlap, f.psnr_db, f.ssim,
+                        f.hausdorff_percent);
+}
+
+const LevelReport* find(const CharacterReport& character, std::uint32_t level, Method method) {
+  for (const LevelReport& row : character.levels) {
+    if (row.level == level && row.method == method) return &row;
+  }
+  return nullptr;
+}
+
+double triangle_ratio(const LevelReport& row, const LevelReport& ours) {
+  return static_cast<double>(row.triangles) / std::max(1U, ours.triangles);
+}
+
+}  // namespace
+
 std::vector<SummaryRow> summarize(const std::vector<CharacterReport>& characters) {
   std::vector<SummaryRow> rows;
   for (std::uint32_t level = 0; level < kLevelSpecs.size(); ++level) {
     for (const Method method : kMethods) {
-      SummaryRow row{method, level, 0, {}, {}, {}, 1.0, 0};
-      // overlap, psnr, ssim, hausdorff
-      std::vector<double> median[4], worst[4], ratio;
+      Gathered median, worst_pose;
+      std::vector<double> ratio;
       for (const CharacterReport& character : characters) {
-        const LevelReport* ours = nullptr;
-        for (const LevelReport& one : character.levels) {
-          if (one.level != level) continue;
-          if (one.method == Method::kThrong) ours = &one;
-          if (one.method != method) continue;
-          ++row.characters;
-          const double distance = hausdorff_percent(character, one);
-          const double medians[4] = {one.overlap.median, one.psnr_db.median, one.ssim.median,
-                                     distance};
-          const double worsts[4] = {one.overlap.worst_pose, one.psnr_db.worst_pose,
-                                    one.ssim.worst_pose, distance};
-          for (int k = 0; k < 4; ++k) {
-            median[k].push_back(medians[k]);
-            worst[k].push_back(worsts[k]);
-          }
-          if (ours != nullptr)
-            ratio.push_back(static_cast<double>(one.triangles) / std::max(1U, ours->triangles));
-          if (ours != nullptr && ours->ssim.median >= one.ssim.median) ++row.at_least_as_good;
-        }
+        const LevelReport* row = find(character, level, method);
+        const LevelReport* ours = find(character, level, Method::kThrong);
+        if (row == nullptr || ours == nullptr) continue;
+        median.add_median(character, *row);
+        worst_pose.add_worst_pose(character, *row);
+        ratio.push_back(triangle_ratio(*row, *ours));
       }
-      if (row.characters == 0) continue;
-      row.triangle_ratio = median_of(ratio);
-      row.median = {median_of(median[0]), median_of(median[1]), median_of(median[2]),
-                    median_of(median[3])};
-      row.worst_pose = {median_of(worst[0]), median_of(worst[1]), median_of(worst[2]),
-                        median_of(worst[3])};
-      const auto least = [](const std::vector<double>& v) {
-        return *std::min_element(v.begin(), v.end());
-      };
-      row.worst = {least(worst[0]), least(worst[1]), least(worst[2]),
-                   *std::max_element(worst[3].begin(), worst[3].end())};
+      if (ratio.empty()) continue;
+      rows.push_back({method, level, static_cast<std::uint32_t>(ratio.size()), median.median(),
+                      worst_pose.median(), worst_pose.worst(), median_of(ratio)});
+    }
+  }
+  return rows;
+}
+
+std::vector<ComparisonRow> compare(const std::vector<CharacterReport>& characters) {
+  std::vector<ComparisonRow> rows;
+  for (std::uint32_t level = 1; level < kLevelSpecs.size(); ++level) {
+    for (const Method method : kMethods) {
+      if (method == Method::kThrong) continue;
+      ComparisonRow row;
+      row.rival = method;
+      row.level = level;
+      Gathered our_median, our_worst, median, worst;
+      for (const CharacterReport& character : characters) {
+        const LevelReport* theirs = find(character, level, method);
+        const LevelReport* ours = find(character, level, Method::kThrong);
+        if (theirs == nullptr || ours == nullptr) continue;
+        if (triangle_ratio(*theirs, *ours) > kSameTriangles) {
+          ++row.stuck;
+          continue;
+        }
+        ++row.characters;
+        our_median.add_median(character, *ours);
+        our_worst.add_worst_pose(character, *ours);
+        median.add_median(character, *theirs);
+        worst.add_worst_pose(character, *theirs);
+        row.no_worse += ours->ssim.median >= theirs->ssim.median ? 1 : 0;
+      }
+      if (row.characters + row.stuck == 0) continue;
+      row.throng_median = our_median.median();
+      row.throng_worst_pose = our_worst.median();
+      row.rival_median = median.median();
+      row.rival_worst_pose = worst.median();
       rows.push_back(row);
     }
   }
@@ -93,7 +156,7 @@ std::string levels_csv(const std::vector<CharacterReport>& characters) {
                               spread->worst_pose, field(character.poses[spread->pose]));
       }
       absl::StrAppendFormat(&csv, ",%.2f,%.3f,%s,%u,", 1000.0F * row.hausdorff_m,
-                            hausdorff_percent(character, row),
+                            hausdorff_percent_of(character, row),
                             field(character.poses[row.hausdorff_pose]), character.file_bytes);
       if (character.bake_s >= 0.0) absl::StrAppendFormat(&csv, "%.2f", character.bake_s);
       csv += '\n';
@@ -107,14 +170,30 @@ std::string summary_csv(const std::vector<SummaryRow>& rows) {
   for (const char* of : {"median", "worst_pose", "worst"})
     absl::StrAppend(&csv, ",overlap_", of, ",psnr_db_", of, ",ssim_", of, ",hausdorff_percent_",
                     of);
-  csv += ",throng_at_least_as_good\n";
+  csv += '\n';
   for (const SummaryRow& row : rows) {
     absl::StrAppendFormat(&csv, "%s,%s,%u,%.2f", kLevelSpecs[row.level].name,
                           method_name(row.method), row.characters, row.triangle_ratio);
-    for (const SummaryRow::Figures* f : {&row.median, &row.worst_pose, &row.worst})
-      absl::StrAppendFormat(&csv, ",%.5f,%.3f,%.5f,%.3f", f->overlap, f->psnr_db, f->ssim,
-                            f->hausdorff_percent);
-    absl::StrAppendFormat(&csv, ",%u\n", row.at_least_as_good);
+    for (const Figures* f : {&row.median, &row.worst_pose, &row.worst}) add_fields(*f, csv);
+    csv += '\n';
+  }
+  return csv;
+}
+
+std::string comparison_csv(const std::vector<ComparisonRow>& rows) {
+  std::string csv = "level,rival,characters,rival_stuck,throng_ssim_no_worse";
+  for (const char* of : {"throng_median", "rival_median", "throng_worst_pose", "rival_worst_pose"})
+    absl::StrAppend(&csv, ",overlap_", of, ",psnr_db_", of, ",ssim_", of, ",hausdorff_percent_",
+                    of);
+  csv += '\n';
+  for (const ComparisonRow& row : rows) {
+    absl::StrAppendFormat(&csv, "%s,%s,%u,%u,%u", kLevelSpecs[row.level].name,
+                          method_name(row.rival), row.characters, row.stuck, row.no_worse);
+    for (const Figures* f :
+         {&row.throng_median, &row.rival_median, &row.throng_worst_pose, &row.rival_worst_pose}) {
+      add_fields(*f, csv);
+    }
+    csv += '\n';
   }
   return csv;
 }
@@ -126,7 +205,7 @@ std::string report_json(const ReportResult& result) {
                {"errors", result.errors},
                {"notes", result.notes},
                {"summary", Json::array()}};
-  const auto figures = [](const SummaryRow::Figures& f) {
+  const auto figures = [](const Figures& f) {
     return Json{{"overlap", f.overlap},
                 {"psnr_db", f.psnr_db},
                 {"ssim", f.ssim},
@@ -139,8 +218,19 @@ std::string report_json(const ReportResult& result) {
                                {"triangles_to_throng", row.triangle_ratio},
                                {"median", figures(row.median)},
                                {"worst_pose", figures(row.worst_pose)},
-                               {"worst", figures(row.worst)},
-                               {"throng_at_least_as_good", row.at_least_as_good}});
+                               {"worst", figures(row.worst)}});
+  }
+  json["same_triangles"] = Json::array();
+  for (const ComparisonRow& row : compare(result.characters)) {
+    json["same_triangles"].push_back({{"level", kLevelSpecs[row.level].name},
+                                      {"rival", method_name(row.rival)},
+                                      {"characters", row.characters},
+                                      {"rival_stuck", row.stuck},
+                                      {"throng_ssim_no_worse", row.no_worse},
+                                      {"throng_median", figures(row.throng_median)},
+                                      {"rival_median", figures(row.rival_median)},
+                                      {"throng_worst_pose", figures(row.throng_worst_pose)},
+                                      {"rival_worst_pose", figures(row.rival_worst_pose)}});
   }
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }

@@ -175,7 +175,7 @@ TEST_F(ReportTest, InspectComparesACastWithTable1) {
   EXPECT_THAT(run.output, HasSubstr("two"));
 }
 
-TEST(SummaryTest, CountsWhereOursIsNoWorse) {
+TEST(SummaryTest, ComparesOnlyWhereTheRivalGotDownToTheCount) {
   CharacterReport a, b;
   a.height_m = b.height_m = 2.0F;
   const auto level = [](Method method, double ssim, std::uint32_t triangles) {
@@ -195,8 +195,14 @@ TEST(SummaryTest, CountsWhereOursIsNoWorse) {
   EXPECT_DOUBLE_EQ(rows[0].worst.ssim, 0.7);
   EXPECT_NEAR(rows[0].median.hausdorff_percent, 1.0, 1e-5);
   EXPECT_EQ(rows[1].method, Method::kPlain);
-  EXPECT_EQ(rows[1].at_least_as_good, 1U);
   EXPECT_DOUBLE_EQ(rows[1].triangle_ratio, 2.0);
+  const auto compared = compare({a, b});
+  ASSERT_EQ(compared.size(), 1U);
+  EXPECT_EQ(compared[0].characters, 1U);
+  EXPECT_EQ(compared[0].stuck, 1U);
+  EXPECT_EQ(compared[0].no_worse, 1U);
+  EXPECT_DOUBLE_EQ(compared[0].throng_median.ssim, 0.9);
+  EXPECT_DOUBLE_EQ(compared[0].rival_median.ssim, 0.8);
 }
 
 }  // namespace
