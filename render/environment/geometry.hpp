@@ -1,0 +1,24 @@
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <array>
+#include <glm/glm.hpp>
+#include <string>
+#include <vector>
+
+namespace throng::render {
+
+/// A solid's outline on the ground, ready to be raised: its top in triangles (counter-clockwise)
+/// and its sides as edges with the solid on their left. Metres.
+struct Footprint {
+  std::vector<std::array<glm::dvec2, 3>> triangles;
+  std::vector<std::array<glm::dvec2, 2>> edges;
+};
+
+/// What is solid around a walkable area: a band of `thickness_m` outside of it, and its holes.
+/// Errors as of make_environment.
+absl::StatusOr<Footprint> solids_around(const std::string& wkt, const glm::dvec2& origin_m,
+                                        double thickness_m);
+
+}  // namespace throng::render

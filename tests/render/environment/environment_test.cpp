@@ -1,0 +1,107 @@
+#include "throng/render/environment.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace throng::render {
+namespace {
+
+/// Area of the triangles that look up, and of those that look sideways.
+struct Areas {
+  double top_m2 = 0, side_m2 = 0;
+  glm::vec3 low{1e9F}, high{-1e9F};
+};
+
+Areas measure(const Environment& environment) {
+  Areas areas;
+  for (const Character& piece : environment.pieces) {
+    for (const glm::uvec3& t : piece.triangle) {
+      const glm::vec3 a = piece.position[t.x], b = piece.position[t.y], c = piece.position[t.z];
+      const glm::vec3 cross = glm::cross(b - a, c - a);
+      // it faces the way its normal says
+      EXPECT_GT(glm::dot(cross, decode_octahedral(piece.normal[t.x])), 0.0F);
+      (std::abs(cross.z) > 1e-6F ? areas.top_m2 : areas.side_m2) += 0.5 * glm::length(cross);
+      for (const glm::vec3& p : {a, b, c}) {
+        areas.low = glm::min(areas.low, p);
+        areas.high = glm::max(areas.high, p);
+      }
+    }
+  }
+  return areas;
+}
+
+TEST(EnvironmentTest, WallsStandOutsideOfTheWalkableArea) {
+  const auto environment = make_environment("POLYGON ((0 0, 10 0, 10 4, 0 4, 0 0))", {},
+                                            {.wall_height_m = 2.0, .wall_thickness_m = 0.5});
+  ASSERT_TRUE(environment.ok()) << environment.status();
+  const Areas areas = measure(**environment);
+  EXPECT_NEAR(areas.top_m2, 11.0 * 5.0 - 10.0 * 4.0, 1e-3);
+  EXPECT_NEAR(areas.side_m2, 2.0 * (2 * (11.0 + 5.0) + 2 * (10.0 + 4.0)), 1e-3);
+  EXPECT_NEAR(areas.low.x, -0.5, 1e-5);
+  EXPECT_NEAR(areas.high.y, 4.5, 1e-5);
+  EXPECT_NEAR(areas.high.z, 2.0, 1e-6);
+}
+
+TEST(EnvironmentTest, HolesAreSolidObstacles) {
+  const std::string wkt =
+      "POLYGON ((0 0, 20 0, 20 20, 0 20, 0 0), (5 5, 5 8, 9 8, 9 5, 5 5), (12 12, 13 12, 13 13, 12 "
+      "13, 12 12))";
+  const auto environment =
+      make_environment(wkt, {}, {.wall_height_m = 1.0, .wall_thickness_m = 1.0});
+  ASSERT_TRUE(environment.ok()) << environment.status();
+  EXPECT_NEAR(measure(**environment).top_m2, (22.0 * 22.0 - 400.0) + 12.0 + 1.0, 1e-3);
+}
+
+TEST(EnvironmentTest, PiecesAreOffsetsFromTheOriginAndSmall) {
+  const auto environment = make_environment(
+      "POLYGON ((400000 5000000, 400200 5000000, 400200 5000100, 400000 5000100, 400000 5000000))",
+      {400100, 5000050, 0});
+  ASSERT_TRUE(environment.ok()) << environment.status();
+  const Areas areas = measure(**environment);
+  EXPECT_NEAR(areas.low.x, -100.2, 1e-3);
+  EXPECT_NEAR(areas.high.y, 50.2, 1e-3);
+  EXPECT_GT((*environment)->pieces.size(), 20U);
+  for (const Character& piece : (*environment)->pieces) EXPECT_LT(piece.bounds.w, 30.0F);
+}
+
+TEST(EnvironmentTest, CollectionsAndOverlapsAreOneArea) {
+  const auto one = make_environment("POLYGON ((0 0, 10 0, 10 4, 0 4, 0 0))", {});
+  const auto two = make_environment(
+      "GEOMETRYCOLLECTION (POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0)), MULTIPOLYGON (((5 0, 10 0, 10 4, 5 "
+      "4, "
+      "5 0))))",
+      {});
+  ASSERT_TRUE(one.ok() && two.ok()) << two.status();
+  EXPECT_NEAR(measure(**one).top_m2, measure(**two).top_m2, 1e-3);
+}
+
+TEST(EnvironmentTest, CrossedOutlineIsRepaired) {
+  const auto bow = make_environment("POLYGON ((0 0, 4 4, 4 0, 0 4, 0 0))", {});
+  ASSERT_TRUE(bow.ok()) << bow.status();
+  EXPECT_GT(measure(**bow).top_m2, 0.0);
+}
+
+TEST(EnvironmentTest, BadInputIsRefusedByName) {
+  const std::pair<const char*, const char*> cases[] = {
+      {"", "WKT"},
+      {"nonsense", "WKT"},
+      {"POLYGON ((0 0, 1 0", "WKT"},
+      {"POINT (1 2)", "no polygon"},
+      {"POLYGON EMPTY", "no polygon"},
+      {"POLYGON ((0 0, 1 0, 2 0, 0 0))", "no area"},
+      {"POLYGON ((0 0, 1e300 0, 1 1, 0 0))", "1e+300"},
+      {"POLYGON ((0 0, nan 0, 1 1, 0 0))", "nan"},
+  };
+  for (const auto& [wkt, words] : cases) {
+    const auto environment = make_environment(wkt, {});
+    ASSERT_FALSE(environment.ok()) << wkt;
+    EXPECT_EQ(environment.status().code(), absl::StatusCode::kInvalidArgument);
+    EXPECT_THAT(std::string(environment.status().message()), testing::HasSubstr(words)) << wkt;
+  }
+  EXPECT_FALSE(make_environment("POLYGON ((0 0, 1 0, 1 1, 0 0))", {}, {.wall_height_m = 0}).ok());
+}
+
+}  // namespace
+}  // namespace throng::render
