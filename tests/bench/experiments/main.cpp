@@ -41,6 +41,7 @@ constexpr const char* kFooter = R"(Examples:
   throng-bench peng2011 --most 8192
   throng-bench quality --agents 1000 --budgets 0.25,1 --pictures out
   throng-bench raster                                 visibility against OpenGL on llvmpipe
+  throng-bench all --json-dir tests/bench/results     all of them, in short
 
 Times are wall and, beside them, of all threads on the processor (CPU): on a machine that others use
 too, only the second holds. Exit codes: 0 done, 1 internal error, 2 usage, 3 bad input, 4 nothing to
@@ -178,6 +179,12 @@ int run(int argc, char** argv) {
       ->check(CLI::Range(1U, 1'000'000U))
       ->type_name("I,I,...");
 
+  paper
+      ->add_option("--quality", flags.paper.quality_places,
+                   "Judge quality too, at this many places (needs up to 8 GiB with 30,000)")
+      ->check(CLI::Range(0U, 100U))
+      ->type_name("PLACES");
+
   CLI::App* peng = app.add_subcommand(
       "peng2011", "Peng et al. 2011, tables 1 and 2: one character, 32 to 32,768");
   add_common(*peng, flags);
@@ -218,6 +225,14 @@ int run(int argc, char** argv) {
       ->check(CLI::Range(0.0, 1.0));
   raster->add_option("--pictures", flags.raster_pairs.pictures, "Write what is compared as PNG")
       ->type_name("DIR");
+
+  CLI::App* all = app.add_subcommand("all", "Every experiment, in short, in under ten minutes");
+  std::string json_dir;
+  all->add_option("--json-dir", json_dir, "Folder of the JSON files")->required()->type_name("DIR");
+  all->add_option("--cast", flags.cast, "Folder of baked characters (default: the built-in cast)")
+      ->type_name("DIR");
+  all->add_option("--threads", flags.common.threads, "Worker threads, 0: one for each core")
+      ->check(CLI::Range(0U, 1024U));
 
   try {
     app.parse(argc, argv);
@@ -276,6 +291,7 @@ int run(int argc, char** argv) {
              : figure == 7 ? run_figure7(flags.common, flags.paper)
                            : run_paper(flags.common, flags.paper);
   }
+  if (*all) status = run_all(flags.common, json_dir);
   if (*peng) status = run_peng2011(flags.common, flags.peng);
   if (*quality) status = run_quality(flags.common, flags.quality);
   if (*raster) status = run_raster(flags.common, flags.raster_pairs);

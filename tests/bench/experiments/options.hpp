@@ -28,8 +28,9 @@ struct PaperOptions {
   render::BackendKind compute = render::BackendKind::kCpu;
   render::RasterKind raster = render::RasterKind::kVisibility;
   render::LodRule lod = render::LodRule::kDong2019;
-  bool equal_triangles = true;  // also at the triangles of the paper's rows
-  std::string camera_path;      // file, empty: the walkthrough that comes with the bench
+  std::uint32_t quality_places = 0;  // of the walkthrough where quality is judged as well
+  bool equal_triangles = true;       // also at the triangles of the paper's rows
+  std::string camera_path;           // file, empty: the walkthrough that comes with the bench
   // figure 5: who chooses the levels, and from where they are looked at (empty: the bench's own)
   std::string selection_camera, reference_camera;
   std::string output = "figure5.png";
@@ -61,6 +62,10 @@ struct QualityOptions {
   std::string pictures;  // folder, empty: none
   std::string camera_path;
 };
+
+/// Every experiment, short enough for all of them to end within ten minutes on two cores.
+/// @param folder  of the JSON files, one for each experiment.
+absl::Status run_all(const Common& common, const std::string& folder);
 
 /// Dong & Peng 2019, table 2.
 absl::Status run_paper(const Common& common, const PaperOptions& options);

@@ -7,6 +7,7 @@
 
 #include "bench/experiments/measure.hpp"
 #include "bench/experiments/options.hpp"
+#include "bench/experiments/quality.hpp"
 #include "bench/experiments/report.hpp"
 #include "bench/experiments/table.hpp"
 #include "bench/experiments/triangle_count.hpp"
@@ -88,7 +89,6 @@ std::string times(double ours, double theirs) {
 }
 
 void print_table(const std::vector<Config>& configs, bool equal_triangles) {
-  const std::string ours = "ours", paper = "paper";
   Table table({"N (M)", "fps", "fps / paper's", "Mtri min", "max", "avg", "avg, paper",
                "cull+select ms", "paper", "generate ms", "paper", "raster ms", "paper", "frame ms",
                "frame CPU ms", "JPEG CPU ms"});
@@ -99,7 +99,7 @@ void print_table(const std::vector<Config>& configs, bool equal_triangles) {
     const auto theirs = [&](double value) {
       return p == nullptr ? std::string("-") : fixed(value, 2);
     };
-    table.add({fixed(config.budget_million, config.budget_million < 10 ? 2 : 1), fixed(m.fps(), 2),
+    table.add({absl::StrFormat("%.3g", config.budget_million), fixed(m.fps(), 2),
                p == nullptr ? "-" : times(m.fps(), p->fps), fixed(m.triangles.min * 1e-6, 2),
                fixed(m.triangles.max * 1e-6, 2), fixed(m.triangles.mean() * 1e-6, 2),
                theirs(p == nullptr ? 0 : p->avg_million),
@@ -180,6 +180,21 @@ absl::Status run_paper(const Common& common, const PaperOptions& options) {
     }
   }
   if (absl::Status status = measure_all(common, options, configs); !status.ok()) return status;
+  std::vector<Judged> judged;
+  if (options.quality_places > 0 && !stop_requested) {
+    auto pipeline = render::FramePipeline::make(
+        common.cast, {.raster = options.raster, .threads = common.threads});
+    if (!pipeline.ok()) return pipeline.status();
+    for (const Config& config : configs) {
+      if (config.equal_triangles) continue;
+      render::Selection selection;
+      selection.rule = options.lod;
+      selection.vertex_budget = static_cast<std::uint64_t>(config.budget_million * 1e6);
+      judged.push_back({absl::StrFormat("%g", config.budget_million), selection, {}, {}});
+    }
+    const Places places{options.agents, options.camera_path, options.quality_places, {}, ""};
+    if (auto status = judge_places(common, places, **pipeline, judged); !status.ok()) return status;
+  }
   if (configs.empty() || configs.front().measured.frames == 0) {
     return absl::CancelledError("paper: stopped before the first frame");
   }
@@ -199,6 +214,10 @@ absl::Status run_paper(const Common& common, const PaperOptions& options) {
   if (configs.back().equal_triangles) {
     std::printf("At the paper's average triangles:\n\n");
     print_table(configs, true);
+  }
+  if (!judged.empty()) {
+    std::printf("Quality against full detail, near agents, at %u places:\n\n%s\n",
+                options.quality_places, quality_table(judged).text().c_str());
   }
   const Fit line = fit(configs);
   std::printf(
@@ -233,6 +252,11 @@ absl::Status run_paper(const Common& common, const PaperOptions& options) {
                       {"cull_select_ms", p.cull_select_ms},
                       {"generate_ms", p.generate_ms},
                       {"draw_ms", p.draw_ms}};
+    }
+    for (const Judged& one : judged) {
+      if (!config.equal_triangles && one.name == absl::StrFormat("%g", config.budget_million)) {
+        row["quality"] = one.quality.json();
+      }
     }
     json["rows"].push_back(std::move(row));
   }

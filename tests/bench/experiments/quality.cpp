@@ -1,10 +1,13 @@
 #include "bench/experiments/quality.hpp"
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
 
 #include <array>
 #include <cmath>
 
+#include "bench/experiments/report.hpp"
+#include "bench/experiments/walkthrough.hpp"
 #include "throng/render/quality.hpp"
 
 namespace throng::bench {
@@ -128,18 +131,18 @@ absl::StatusOr<Reference::Frame> Reference::draw(const render::Crowd& crowd, std
   if (auto status = pipeline_->render(crowd, time_us, full, large, stats); !status.ok()) {
     return status;
   }
-  double most_vertices = 0;
+  double mean_vertices = 0;
   for (const render::CastMember& member : cast_->members) {
-    most_vertices = std::max(most_vertices, double{1} * member.character.vertex_count());
+    mean_vertices += member.character.vertex_count() / static_cast<double>(cast_->members.size());
   }
   // a vertex as it is stored and as it is projected, and two triangles of three indices
   constexpr double kVertexBytes = 24 + 24 + 2 * 12;
-  constexpr double kLimitBytes = 6.0 * (1ULL << 30);
-  const double bytes = stats.counters.visible * most_vertices * kVertexBytes;
+  constexpr double kLimitBytes = 8.0 * (1ULL << 30);
+  const double bytes = stats.counters.visible * mean_vertices * kVertexBytes;
   if (bytes > kLimitBytes) {
     return absl::ResourceExhaustedError(absl::StrCat(
-        "reference: ", stats.counters.visible, " agents in view at full detail need up to ",
-        static_cast<std::uint64_t>(bytes * 1e-9), " GB, the limit is 6; use fewer agents"));
+        "reference: ", stats.counters.visible, " agents in view at full detail need ",
+        static_cast<std::uint64_t>(bytes * 1e-9), " GB, the limit is 8; use fewer agents"));
   }
 
   full.selection.vertex_budget = ~std::uint64_t{0} >> 16;
@@ -150,6 +153,8 @@ absl::StatusOr<Reference::Frame> Reference::draw(const render::Crowd& crowd, std
   }
   auto small = quarter(large);
   if (!small.ok()) return small.status();
+  // a budget at which the outlines are those of full detail, to a fraction of the 8 px around them
+  full.selection.vertex_budget = 20'000'000;
   full.viewport = view.viewport;
   auto covered = covered_pixels(*pipeline_, crowd, time_us, full);
   if (!covered.ok()) return covered.status();
@@ -184,6 +189,78 @@ absl::Status judge(const std::array<Reference::Frame, 2>& frames,
   if (!flicker.ok()) return flicker.status();
   quality.flicker.add(*flicker);
   return absl::OkStatus();
+}
+
+absl::Status judge_places(const Common& common, const Places& places,
+                          render::FramePipeline& pipeline, std::vector<Judged>& ways) {
+  auto walkthrough = Walkthrough::make(common.cast, places.agents, places.camera_path);
+  if (!walkthrough.ok()) return walkthrough.status();
+  auto reference = Reference::make(common.cast, common.threads);
+  if (!reference.ok()) return reference.status();
+
+  render::ViewSettings view;
+  view.viewport = common.viewport;
+  view.look = places.look;
+  render::JpegEncoder jpeg;
+  Progress progress("quality", std::size_t{places.count} * (ways.size() + 1));
+  for (std::uint32_t place = 0; place < places.count && !stop_requested; ++place) {
+    const auto first = static_cast<std::uint32_t>((2 * std::uint64_t{place} + 1) *
+                                                  (Walkthrough::kFrames - 2) / (2 * places.count));
+    std::array<Reference::Frame, 2> references;
+    std::vector<std::array<Reference::Frame, 2>> frames(ways.size());
+    for (const std::uint32_t i : {0U, 1U}) {
+      const std::uint32_t frame = first + i;
+      if (auto status = walkthrough->advance_to(frame); !status.ok()) return status;
+      const render::Crowd& crowd = walkthrough->crowd();
+      view.camera = walkthrough->camera(frame);
+      const std::int64_t time_us = Walkthrough::time_us(frame);
+      auto drawn = reference->draw(crowd, time_us, view);
+      if (!drawn.ok()) return drawn.status();
+      references[i] = *std::move(drawn);
+      const std::string name =
+          absl::StrCat(places.pictures, "/quality-", absl::Dec(frame, absl::kZeroPad4), "-");
+      if (!places.pictures.empty()) {
+        const auto status = write_png(name + "reference.png", references[i].picture);
+        if (!status.ok()) return status;
+      }
+      for (std::size_t w = 0; w < ways.size(); ++w) {
+        view.selection = ways[w].selection;
+        if (auto status = measure_frame(pipeline, crowd, time_us, view, jpeg, frames[w][i].picture,
+                                        ways[w].measured);
+            !status.ok()) {
+          return status;
+        }
+        auto covered = covered_pixels(pipeline, crowd, time_us, view);
+        if (!covered.ok()) return covered.status();
+        frames[w][i].covered = *std::move(covered);
+        if (places.pictures.empty()) continue;
+        const auto status = write_png(name + ways[w].name + ".png", frames[w][i].picture);
+        if (!status.ok()) return status;
+      }
+    }
+    progress.step("reference");
+    for (std::size_t w = 0; w < ways.size(); ++w) {
+      if (auto status = judge(frames[w], references, ways[w].quality); !status.ok()) return status;
+      progress.step(
+          absl::StrFormat("%s: SSIM %.3f", ways[w].name, ways[w].quality.near_ssim.mean()));
+    }
+  }
+  return ways.empty() || ways.front().measured.frames == 0
+             ? absl::CancelledError("quality: stopped before the first place was judged")
+             : absl::OkStatus();
+}
+
+Table quality_table(const std::vector<Judged>& ways) {
+  Table table({"N (M)", "SSIM", "PSNR dB", "flicker", "SSIM, whole frame", "PSNR dB, whole", "Mtri",
+               "frame CPU ms", "frame ms"});
+  for (const Judged& way : ways) {
+    const Quality& q = way.quality;
+    table.add({way.name, fixed(q.near_ssim.mean(), 3), fixed(q.near_psnr_db.mean(), 1),
+               fixed(q.flicker.mean(), 2), fixed(q.frame_ssim.mean(), 3),
+               fixed(q.frame_psnr_db.mean(), 1), fixed(way.measured.triangles.mean() * 1e-6, 2),
+               fixed(way.measured.cpu_ms.mean(), 1), fixed(way.measured.wall_ms.mean(), 1)});
+  }
+  return table;
 }
 
 }  // namespace throng::bench

@@ -6,9 +6,13 @@
 #include <cstdint>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <string>
 #include <vector>
 
+#include "bench/experiments/measure.hpp"
 #include "bench/experiments/numbers.hpp"
+#include "bench/experiments/options.hpp"
+#include "bench/experiments/table.hpp"
 #include "throng/render/frame.hpp"
 #include "throng/render/picture.hpp"
 
@@ -46,7 +50,7 @@ class Reference {
     render::Picture picture;
     std::vector<std::uint8_t> covered;
   };
-  /// ResourceExhausted where the agents in view at full detail would need over 6 GiB.
+  /// ResourceExhausted where the agents in view at full detail would need over 8 GiB.
   absl::StatusOr<Frame> draw(const render::Crowd& crowd, std::int64_t time_us,
                              const render::ViewSettings& view);
 
@@ -58,5 +62,29 @@ class Reference {
 /// Two consecutive frames of one configuration against the reference's.
 absl::Status judge(const std::array<Reference::Frame, 2>& frames,
                    const std::array<Reference::Frame, 2>& references, Quality& quality);
+
+/// A way to draw, and what came of it.
+struct Judged {
+  std::string name;
+  render::Selection selection;
+  Quality quality;
+  Measured measured;
+};
+
+/// Where ways to draw are judged.
+struct Places {
+  std::uint32_t agents = 0;
+  std::string camera_path;  // empty: the walkthrough that comes with the bench
+  std::uint32_t count = 4;  // spread over the walkthrough, two consecutive frames each
+  render::Look look;
+  std::string pictures;  // folder for all that is compared, empty: none
+};
+
+/// Draws all ways at all places and compares them with the reference.
+absl::Status judge_places(const Common& common, const Places& places,
+                          render::FramePipeline& pipeline, std::vector<Judged>& ways);
+
+/// SSIM, PSNR and flicker of each way.
+Table quality_table(const std::vector<Judged>& ways);
 
 }  // namespace throng::bench
