@@ -11,16 +11,16 @@ namespace {
 
 constexpr const char* kStyle = R"(
 :root { color-scheme: light dark; --line: #8884; --worse: #c0392b; --quiet: #777; }
-body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 1180px; padding: 0 1rem; }
+body { font: 14px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 1440px; padding: 0 1rem; }
 h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin: 2.2rem 0 .4rem; }
 p { margin: .4rem 0; max-width: 72ch; }
 table { border-collapse: collapse; margin: .6rem 0; font-variant-numeric: tabular-nums; }
-th, td { text-align: right; padding: .12rem .6rem; border-bottom: 1px solid var(--line); white-space: nowrap; }
+th, td { text-align: right; padding: .1rem .5rem; border-bottom: 1px solid var(--line); white-space: nowrap; }
 th { font-weight: 600; color: var(--quiet); } th:first-child, td:first-child, td.words { text-align: left; }
 tr.first td { border-top: 2px solid var(--line); }
 .worse { color: var(--worse); font-weight: 600; }
 .scroll { overflow-x: auto; } img { max-width: 100%; border-radius: 6px; border: 1px solid var(--line); }
-.quiet { color: var(--quiet); } details { margin: .5rem 0; } summary { cursor: pointer; }
+figure { margin: .6rem 0; } .quiet { color: var(--quiet); } details { margin: .5rem 0; } summary { cursor: pointer; }
 )";
 
 std::string escaped(const std::string& text) {
@@ -188,7 +188,7 @@ void add_character(const CharacterReport& character, std::string& html) {
       const auto beaten = [&](auto value, double step) {
         if (&row != ours) return false;
         for (const LevelReport& other : character.levels) {
-          if (other.level == level && other.method != Method::kThrong &&
+          if (other.level == level && other.method != Method::kThrong && !is_stuck(row, other) &&
               is_worse(value(row), value(other), step)) {
             return true;
           }
@@ -196,11 +196,11 @@ void add_character(const CharacterReport& character, std::string& html) {
         return false;
       };
       const double percent = 100.0 * static_cast<double>(row.hausdorff_m / character.height_m);
-      absl::StrAppendFormat(&html,
-                            "<tr%s><td>%s</td><td class=\"words\">%s</td><td>%u</td><td>%u</td>",
-                            row.method == Method::kThrong ? " class=\"first\"" : "",
-                            row.method == Method::kThrong ? kLevelSpecs[level].name : "",
-                            method_name(row.method), row.vertices, row.triangles);
+      absl::StrAppendFormat(
+          &html, "<tr%s><td>%s</td><td class=\"words\">%s</td><td>%u</td><td>%u%s</td>",
+          row.method == Method::kThrong ? " class=\"first\"" : "",
+          row.method == Method::kThrong ? kLevelSpecs[level].name : "", method_name(row.method),
+          row.vertices, row.triangles, ours != nullptr && is_stuck(*ours, row) ? " (stuck)" : "");
       html += cell(absl::StrFormat("%.3f", row.overlap.median),
                    beaten([](const LevelReport& r) { return r.overlap.median; }, kOverlapStep));
       html += cell(absl::StrFormat("%.3f", row.overlap.worst_pose),
@@ -224,12 +224,12 @@ void add_character(const CharacterReport& character, std::string& html) {
                       escaped(character.poses[row.hausdorff_pose]), "</td></tr>\n");
     }
   }
-  absl::StrAppend(&html, "</table></div>\n<p><img src=\"", escaped(character.levels_png),
-                  "\" alt=\"levels by method\" loading=\"lazy\"></p>\n<details><summary>The worst "
-                  "picture of each level, as "
-                  "seen at native height and enlarged</summary><img src=\"",
-                  escaped(character.worst_png),
-                  "\" alt=\"worst pictures\" loading=\"lazy\"></details>\n");
+  absl::StrAppend(
+      &html, "</table></div>\n<figure><img src=\"", escaped(character.levels_png),
+      "\" alt=\"levels by method\" loading=\"lazy\"></figure>\n<details><summary>The worst "
+      "picture of each level, as "
+      "seen at native height and enlarged</summary><img src=\"",
+      escaped(character.worst_png), "\" alt=\"worst pictures\" loading=\"lazy\"></details>\n");
 }
 
 }  // namespace
@@ -288,7 +288,7 @@ std::string report_html(const ReportResult& result, const ReportOptions& options
   for (const CharacterReport& character : result.characters)
     absl::StrAppend(&html, "<a href=\"#", escaped(character.name), "\">", escaped(character.name),
                     "</a> ");
-  html += "</p>\n<p class=\"quiet\">Red: meshoptimizer does better.</p>\n";
+  html += "</p>\n<p class=\"quiet\">Red: meshoptimizer does better with as many triangles.</p>\n";
   for (const CharacterReport& character : result.characters) add_character(character, html);
   html += "</body></html>\n";
   return html;

@@ -180,7 +180,7 @@ absl::StatusOr<PengFigures> paint_peng2011(const std::string& builtin_name,
         "mesh to either over the %u poses shown, root mean square: %.1f mm against %.1f mm in the "
         "mean of the poses, %.1f mm against %.1f mm in the worst; largest: %.0f mm against %.0f "
         "mm.</p>\n"
-        "<p><img src=\"%s\" alt=\"bind pose against all frames\" loading=\"lazy\"></p>\n",
+        "<figure><img src=\"%s\" alt=\"bind pose against all frames\" loading=\"lazy\"></figure>\n",
         builtin_name, bind_level.triangles.size(), all_level.triangles.size(), poses.size(),
         rows[1].mean_mm, rows[2].mean_mm, rows[1].worst_mm, rows[2].worst_mm, rows[1].largest_mm,
         rows[2].largest_mm, poses_png);
@@ -209,7 +209,8 @@ absl::StatusOr<PengFigures> paint_peng2011(const std::string& builtin_name,
         "there, %s here. "
         "The rule ends at %u vertices, %u triangles: its fixed vertices (texture corners) "
         "stay.</p>\n"
-        "<p><img src=\"%s\" alt=\"levels by the published criterion\" loading=\"lazy\"></p>\n",
+        "<figure><img src=\"%s\" alt=\"levels by the published criterion\" "
+        "loading=\"lazy\"></figure>\n",
         reached, all->coarsest_count, all->triangle_count_at[all->coarsest_count], levels_png);
   }
   return figures;

@@ -3,6 +3,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <algorithm>
 #include <functional>
 #include <string>
 #include <vector>
@@ -55,6 +56,12 @@ struct Figures {
   double overlap = 0.0, psnr_db = 0.0, ssim = 0.0, hausdorff_percent = 0.0;
 };
 
+/// True where a rival couldn't come down to throng's triangle count (5 % more are the same): it
+/// draws more and can't be compared.
+inline bool is_stuck(const LevelReport& ours, const LevelReport& rival) {
+  return rival.triangles > 1.05 * std::max(1U, ours.triangles);
+}
+
 /// One method at one level over all characters.
 struct SummaryRow {
   Method method = Method::kThrong;
@@ -67,8 +74,7 @@ struct SummaryRow {
 };
 std::vector<SummaryRow> summarize(const std::vector<CharacterReport>& characters);
 
-/// throng beside a rival at one level, over the characters where the rival came down to throng's
-/// triangle count (at most 5 % more); elsewhere it is stuck and draws more.
+/// throng beside a rival at one level, over the characters where the rival isn't stuck.
 struct ComparisonRow {
   Method rival = Method::kPlain;
   std::uint32_t level = 0;

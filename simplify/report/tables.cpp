@@ -32,8 +32,6 @@ std::string field(const std::string& text) {
 
 namespace {
 
-constexpr double kSameTriangles = 1.05;
-
 /// Figures of many characters, to take the median of.
 struct Gathered {
   std::vector<double> overlap, psnr_db, ssim, hausdorff_percent;
@@ -116,7 +114,7 @@ std::vector<ComparisonRow> compare(const std::vector<CharacterReport>& character
         const LevelReport* theirs = find(character, level, method);
         const LevelReport* ours = find(character, level, Method::kThrong);
         if (theirs == nullptr || ours == nullptr) continue;
-        if (triangle_ratio(*theirs, *ours) > kSameTriangles) {
+        if (is_stuck(*ours, *theirs)) {
           ++row.stuck;
           continue;
         }
