@@ -37,6 +37,13 @@ absl::Status check_snapshot(const Snapshot* snapshot, std::size_t character_coun
   return absl::OkStatus();
 }
 
+absl::Status check_surroundings(const Surroundings& surroundings, std::size_t character_count) {
+  const std::uint64_t end = std::uint64_t{surroundings.first_member} + surroundings.member_count;
+  if (surroundings.member_count == 0 || end <= character_count) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("advance: the surroundings end with cast member ",
+                                                 end - 1, ", must be less than ", character_count));
+}
+
 absl::Status check_camera(const Camera& camera, const Viewport& viewport) {
   constexpr std::uint32_t kLargestPx = 16384;
   if (viewport.width_px == 0 || viewport.width_px > kLargestPx || viewport.height_px == 0 ||

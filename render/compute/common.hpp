@@ -12,6 +12,9 @@ namespace throng::render {
 /// InvalidArgument: a column that is missing or of the wrong length, a character beyond the cast.
 absl::Status check_snapshot(const Snapshot* snapshot, std::size_t character_count);
 
+/// InvalidArgument: members beyond the cast.
+absl::Status check_surroundings(const Surroundings& surroundings, std::size_t character_count);
+
 /// InvalidArgument: a camera or viewport that can't be drawn with.
 absl::Status check_camera(const Camera& camera, const Viewport& viewport);
 

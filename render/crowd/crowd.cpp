@@ -340,12 +340,23 @@ CrowdCounters Crowd::counters() const {
   return counters_;
 }
 
+void Crowd::set_environment(std::shared_ptr<const Environment> environment) {
+  const std::lock_guard lock(mutex_);
+  environment_.swap(environment);
+}
+
+std::shared_ptr<const Environment> Crowd::environment() const {
+  const std::lock_guard lock(mutex_);
+  return environment_;
+}
+
 void Crowd::reset() {
   std::deque<std::shared_ptr<const Snapshot>> forgotten;
   const std::lock_guard push_lock(push_mutex_);
   const std::lock_guard lock(mutex_);
   forgotten.swap(history_);
   history_bytes_ = 0;
+  environment_.reset();
   membership_.reset();
   slot_of_column_.clear();
   slot_of_id_.clear();

@@ -15,7 +15,7 @@ namespace {
 constexpr double kPieceM = 16.0;  // a side of a piece: about what a view culls by
 
 // The texture's two columns: sides and tops.
-constexpr std::uint8_t kColors[2][3] = {{196, 191, 182}, {118, 114, 108}};
+constexpr std::uint8_t kColors[2][3] = {{196, 191, 182}, {86, 82, 78}};
 constexpr std::uint16_t kSideU = 16384, kTopU = 49151;
 
 /// One piece on its way: corners of its triangles, three by three.

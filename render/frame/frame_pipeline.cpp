@@ -5,6 +5,7 @@
 #include <ctime>
 #include <utility>
 
+#include "throng/render/environment.hpp"
 #include "throng/render/frame.hpp"
 
 namespace throng::render {
@@ -60,8 +61,16 @@ struct FramePipeline::State {
   std::array<Uploaded, 8> uploads;
   std::size_t next_upload = 0;
 
+  // Environments whose pieces follow the characters in the uploaded cast.
+  struct Placed {
+    std::weak_ptr<const Environment> environment;
+    Surroundings members;
+  };
+  std::vector<Placed> placed;
+
   struct Advanced {
     std::shared_ptr<const Snapshot> older, newer;
+    std::shared_ptr<const Environment> environment;
     std::int64_t time_us = 0;
     int channel = -1;
     std::shared_ptr<const Instances> instances;
@@ -81,13 +90,47 @@ struct FramePipeline::State {
     return *device;
   }
 
+  /// The members that an environment is drawn with. A new one is uploaded with the cast, and those
+  /// that nobody has any more leave it.
+  absl::StatusOr<Surroundings> surroundings_of(
+      const std::shared_ptr<const Environment>& environment) {
+    if (environment == nullptr || environment->pieces.empty()) return Surroundings();
+    for (const Placed& entry : placed) {
+      if (entry.environment.lock() == environment) return entry.members;
+    }
+    auto with_pieces = std::make_shared<Cast>(*cast);
+    std::vector<Placed> kept;
+    std::vector<std::shared_ptr<const Environment>> alive;
+    for (const Placed& entry : placed) {
+      if (auto other = entry.environment.lock()) alive.push_back(std::move(other));
+    }
+    alive.push_back(environment);
+    for (const auto& each : alive) {
+      kept.push_back({each,
+                      {static_cast<std::uint32_t>(with_pieces->members.size()),
+                       static_cast<std::uint32_t>(each->pieces.size())}});
+      for (const Character& piece : each->pieces) {
+        with_pieces->members.push_back({piece, 0.0F, true});
+      }
+    }
+    if (absl::Status status = backend->upload(with_pieces); !status.ok()) return status;
+    if (absl::Status status = rasterizer->upload(with_pieces); !status.ok()) return status;
+    placed = std::move(kept);
+    advanced = {};  // members have moved
+    return placed.back().members;
+  }
+
   absl::StatusOr<std::shared_ptr<const Instances>> instances_at(const Crowd& crowd,
                                                                 std::int64_t time_us, int channel) {
     Bracket bracket = crowd.bracket(time_us);
     if (bracket.older == nullptr) return std::shared_ptr<const Instances>();
+    const std::shared_ptr<const Environment> environment = crowd.environment();
+    const auto surroundings = surroundings_of(environment);
+    if (!surroundings.ok()) return surroundings.status();
     for (const Advanced& entry : advanced) {
       if (entry.instances != nullptr && entry.older == bracket.older &&
-          entry.newer == bracket.newer && entry.time_us == time_us && entry.channel == channel) {
+          entry.environment == environment && entry.newer == bracket.newer &&
+          entry.time_us == time_us && entry.channel == channel) {
         return entry.instances;
       }
     }
@@ -95,9 +138,11 @@ struct FramePipeline::State {
     if (!older.ok()) return older.status();
     auto newer = device_snapshot(bracket.newer);
     if (!newer.ok()) return newer.status();
-    auto instances = backend->advance(**older, **newer, time_us, crowd.settings(), channel);
+    auto instances =
+        backend->advance(**older, **newer, time_us, crowd.settings(), channel, *surroundings);
     if (!instances.ok()) return instances.status();
-    advanced[next_advanced] = {bracket.older, bracket.newer, time_us, channel, *instances};
+    advanced[next_advanced] = {bracket.older, bracket.newer, environment,
+                               time_us,       channel,       *instances};
     next_advanced = (next_advanced + 1) % advanced.size();
     return *instances;
   }

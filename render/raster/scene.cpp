@@ -67,6 +67,11 @@ void shade_instances(const FrameGeometry& geometry, const Cast& cast, const Scen
   const std::size_t count = geometry.instances.size();
   shades.resize(count);
   casters.clear();
+  const auto first_surrounding = static_cast<std::uint32_t>(
+      std::find_if(cast.members.begin(), cast.members.end(),
+                   [](const CastMember& member) { return member.environment; }) -
+      cast.members.begin());
+  std::vector<std::uint32_t> walls;
   for (std::size_t i = 0; i < count; ++i) {
     const VisibleInstance& instance = geometry.instances[i];
     InstanceShade& shade = shades[i];
@@ -86,6 +91,13 @@ void shade_instances(const FrameGeometry& geometry, const Cast& cast, const Scen
     const float distance_m =
         scene.orthographic ? 1.0F : std::max(glm::length(instance.position_relative), 0.1F);
     shade.size_px = shade.height_m * scene.px_per_tangent / distance_m;
+    if (instance.character >= first_surrounding) {
+      shade.character = first_surrounding;  // all have its texture
+      shade.channel = kNoChannel;
+      shade.cast_shadow = 1.0F;  // and no blob
+      if (scene.shadows) walls.push_back(static_cast<std::uint32_t>(i));
+      continue;
+    }
     const bool has_vertices =
         geometry.shared.empty() || geometry.shared[i].level == SharedInstance::kOwn;
     if (scene.shadows && shade.size_px > kCastShadowFromPx && has_vertices) {
@@ -110,6 +122,7 @@ void shade_instances(const FrameGeometry& geometry, const Cast& cast, const Scen
         glm::smoothstep(kCastShadowFromPx, kCastShadowFullPx, shades[i].size_px);
   }
   casters.resize(kept);
+  casters.insert(casters.end(), walls.begin(), walls.end());
   std::sort(casters.begin(), casters.end());
 }
 

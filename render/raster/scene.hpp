@@ -40,8 +40,8 @@ inline constexpr std::uint32_t kNoChannel = 0xffffffffU;
 static_assert(sizeof(InstanceShade) == 48);
 
 /// Fills `shades` [V] and chooses who casts a projected shadow: figures from 40 px on (fading in up
-/// to 64), the tallest first, until they cost a third of the figures' own triangles. `casters` are
-/// indices into the visible list, rising.
+/// to 64), the tallest first, until they cost a third of the figures' own triangles; and all of the
+/// surroundings. `casters` are indices into the visible list, rising.
 void shade_instances(const FrameGeometry& geometry, const Cast& cast, const SceneFrame& scene,
                      const Look& look, std::vector<InstanceShade>& shades,
                      std::vector<std::uint32_t>& casters);

@@ -231,6 +231,20 @@ std::string stats_line(std::uint32_t number, const std::string& path,
   return line.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
+absl::StatusOr<std::string> read_text(const std::string& file) {
+  constexpr std::size_t kMostBytes = 64u << 20;
+  std::ifstream stream(file, std::ios::binary);
+  if (!stream) return absl::NotFoundError(absl::StrCat(file, ": can't be opened"));
+  std::string text(kMostBytes + 1, '\0');
+  stream.read(text.data(), static_cast<std::streamsize>(text.size()));
+  text.resize(static_cast<std::size_t>(stream.gcount()));
+  if (text.size() > kMostBytes) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(file, ": is over ", kMostBytes >> 20, " MiB, too much for an environment"));
+  }
+  return text;
+}
+
 BatchOutcome failure(ExitCode code, std::string error) {
   BatchOutcome outcome;
   outcome.code = code;
@@ -354,6 +368,26 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
     view.look.channel_high = static_cast<float>(job.channel_high);
   }
 
+  std::shared_ptr<const render::Environment> environment;
+  if (job.walls) {
+    std::string wkt = info.walkable_area_wkt;
+    if (!job.environment.empty()) {
+      absl::StatusOr<std::string> text = read_text(job.environment);
+      if (!text.ok()) return failure(ExitCode::kBadInput, std::string(text.status().message()));
+      wkt = *std::move(text);
+    }
+    if (!wkt.empty()) {
+      auto made =
+          render::make_environment(wkt, crowd_settings.origin_world, job.environment_options);
+      if (!made.ok()) {
+        return failure(ExitCode::kBadInput,
+                       absl::StrCat(job.environment.empty() ? job.trajectory : job.environment,
+                                    ": ", made.status().message()));
+      }
+      environment = *std::move(made);
+    }
+  }
+
   auto pipeline = render::FramePipeline::make(shared_cast, job.pipeline);
   if (!pipeline.ok()) {
     return failure(ExitCode::kNoRenderer, std::string(pipeline.status().message()));
@@ -377,6 +411,7 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
   }
 
   render::Crowd crowd(shared_cast, crowd_settings);
+  crowd.set_environment(environment);
   Feed feed(*std::move(reader), crowd);
   for (Output& output : *outputs) {
     output.sink = std::make_unique<PictureSink>(*kind, job.jpeg_quality, output.video.get());

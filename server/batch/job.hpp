@@ -11,6 +11,7 @@
 
 #include "server/batch/frame_numbers.hpp"
 #include "server/batch/overlay.hpp"
+#include "throng/render/environment.hpp"
 #include "throng/render/frame.hpp"
 #include "throng/trajectory/trajectory.hpp"
 
@@ -30,6 +31,9 @@ struct BatchJob {
   std::string stats;                             // JSON lines, empty: none
   std::string channel;                           // colours the agents by it
   double channel_low = 0.0, channel_high = 1.0;
+  std::string environment;  // file of WKT; empty: what the trajectory holds
+  bool walls = true;        // false: no environment
+  render::EnvironmentOptions environment_options;
   Shard shard;
   double fps = 25.0;  // of the output
   std::uint64_t seed = 0;

@@ -133,6 +133,14 @@ int main(int argc, char** argv) {
   app.add_option("--channel-range", channel_range,
                  "Values at the ends of the colour scale (default 0:1)")
       ->type_name("LOW:HIGH");
+  app.add_option("--environment", job.environment,
+                 "File with the walkable area as WKT (default: what the trajectory holds)")
+      ->type_name("FILE");
+  app.add_option("--wall-height", job.environment_options.wall_height_m, "Height of walls, m")
+      ->capture_default_str()
+      ->check(CLI::Range(0.01, 100.0));
+  bool no_walls = false;
+  app.add_flag("--no-walls", no_walls, "Draw no walls and obstacles");
   app.add_option("--overlay", overlay, "Write into the pictures: time,agents,scale,legend or all")
       ->type_name("ITEMS");
   app.add_option("--title", title, "Write this into the pictures")->type_name("TEXT");
@@ -200,6 +208,7 @@ int main(int argc, char** argv) {
   job.pipeline.raster = raster == "gl"           ? throng::render::RasterKind::kGl
                         : raster == "visibility" ? throng::render::RasterKind::kVisibility
                                                  : throng::render::RasterKind::kAuto;
+  job.walls = !no_walls;
   job.look.shadows = !no_shadows;
   job.look.ground = !no_ground;
   if (job.cast.empty()) job.cast = default_cast();

@@ -80,7 +80,7 @@ struct Scene {
   }
 
   void advance() {
-    instances = backend->advance(*older, *newer, 150'000, crowd->settings(), -1).value();
+    instances = backend->advance(*older, *newer, 150'000, crowd->settings(), -1, {}).value();
   }
   void cull() { backend->cull(*view, instances, camera, viewport).IgnoreError(); }
   void select(std::int64_t thousands) {

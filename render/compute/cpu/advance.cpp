@@ -28,7 +28,8 @@ element::SnapshotColumns columns_of(const Snapshot& snapshot, int channel) {
 }  // namespace
 
 void advance(const Snapshot& older, const Snapshot& newer, std::int64_t scene_time_us,
-             const CrowdSettings& settings, int channel, Machine machine, CpuInstances& instances) {
+             const CrowdSettings& settings, int channel, Surroundings surroundings, Machine machine,
+             CpuInstances& instances) {
   constexpr std::size_t kChunk = 1024;
   AdvanceJob job;
   job.older = columns_of(older, channel);
@@ -41,16 +42,22 @@ void advance(const Snapshot& older, const Snapshot& newer, std::int64_t scene_ti
   const Snapshot& shown = job.between.at_newer ? newer : older;
   const std::size_t slots = shown.present.size();
   instances.scene_time_us = scene_time_us;
-  instances.count = static_cast<std::uint32_t>(slots);
+  instances.count = static_cast<std::uint32_t>(slots) + surroundings.member_count;
+  instances.surrounding = surroundings.member_count;
   instances.present = shown.present_count;
   instances.origin_world = settings.origin_world;
-  instances.sphere_m.resize(slots);
-  instances.state.resize(slots);
+  instances.sphere_m.resize(instances.count);
+  instances.state.resize(instances.count);
   job.sphere_m = instances.sphere_m.data();
   job.state = instances.state.data();
   machine.pool.for_chunks(slots, kChunk, [&](std::size_t begin, std::size_t end) {
     machine.kernels.advance(job, begin, end);
   });
+  for (std::uint32_t i = 0; i < surroundings.member_count; ++i) {
+    const std::uint32_t member = surroundings.first_member + i;
+    instances.state[slots + i] = element::standing_still(member);
+    instances.sphere_m[slots + i] = job.cast->characters[member].character->bounds;
+  }
 }
 
 }  // namespace throng::render

@@ -71,11 +71,9 @@ class CpuBackend final : public ComputeBackend {
     return result;
   }
 
-  absl::StatusOr<std::shared_ptr<const Instances>> advance(const DeviceSnapshot& older,
-                                                           const DeviceSnapshot& newer,
-                                                           std::int64_t scene_time_us,
-                                                           const CrowdSettings& settings,
-                                                           int channel) override {
+  absl::StatusOr<std::shared_ptr<const Instances>> advance(
+      const DeviceSnapshot& older, const DeviceSnapshot& newer, std::int64_t scene_time_us,
+      const CrowdSettings& settings, int channel, Surroundings surroundings) override {
     const auto* older_cpu = dynamic_cast<const CpuSnapshot*>(&older);
     const auto* newer_cpu = dynamic_cast<const CpuSnapshot*>(&newer);
     if (older_cpu == nullptr || newer_cpu == nullptr) {
@@ -89,8 +87,13 @@ class CpuBackend final : public ComputeBackend {
     try {
       std::shared_ptr<CpuInstances> instances = InstancesPool::take(instances_pool_);
       instances->cast = cast();
+      if (absl::Status status =
+              check_surroundings(surroundings, instances->cast->characters.size());
+          !status.ok()) {
+        return status;
+      }
       render::advance(*older_cpu->snapshot, *newer_cpu->snapshot, scene_time_us, settings, channel,
-                      machine(), *instances);
+                      surroundings, machine(), *instances);
       return instances;
     } catch (const std::bad_alloc&) {
       return out_of_memory("advance");
@@ -195,6 +198,11 @@ class CpuBackend final : public ComputeBackend {
     if (own == nullptr || own->stage < ViewStage::kCulled) return counters;
     counters.agents = own->instances->present;
     counters.visible = static_cast<std::uint32_t>(own->visible.size());
+    // the surroundings come last
+    const std::uint32_t agents = own->instances->count - own->instances->surrounding;
+    for (std::size_t i = own->visible.size(); i > 0 && own->visible[i - 1].slot >= agents; --i) {
+      --counters.visible;
+    }
     if (own->stage < ViewStage::kSelected) return counters;
     counters.effective_budget = own->effective_budget;
     for (const VisibleInstance& instance : own->visible.span()) {

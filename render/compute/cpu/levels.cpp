@@ -57,7 +57,8 @@ LevelTable make_levels(const Cast& cast) {
     const bool has_holes =
         std::any_of(character.triangle_flags.begin(), character.triangle_flags.end(),
                     [](std::uint8_t flags) { return (flags & kTriangleAlphaCutout) != 0; });
-    table.is_listed.push_back(table.levels.size() > first && !has_holes);
+    table.is_listed.push_back(table.levels.size() > first && !has_holes &&
+                              !cast.members[m].environment);
   }
   // so that whole vectors may be read
   table.corners.resize(table.corners.size() + LevelTable::kPadding, 0);

@@ -80,7 +80,8 @@ struct Machine {
 };
 
 void advance(const Snapshot& older, const Snapshot& newer, std::int64_t scene_time_us,
-             const CrowdSettings& settings, int channel, Machine machine, CpuInstances& instances);
+             const CrowdSettings& settings, int channel, Surroundings surroundings, Machine machine,
+             CpuInstances& instances);
 
 void cull(CpuView& view, const Camera& camera, const Viewport& viewport, Machine machine);
 

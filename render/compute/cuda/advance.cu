@@ -5,7 +5,14 @@ namespace {
 
 __global__ void advance_kernel(AdvanceJob job) {
   const std::uint32_t slot = blockIdx.x * blockDim.x + threadIdx.x;
-  if (slot >= job.shown.slots) return;
+  if (slot >= job.shown.slots) {
+    const std::uint32_t i = slot - job.shown.slots;
+    if (i >= job.surrounding) return;
+    const std::uint32_t member = job.first_surrounding + i;
+    job.state[slot] = element::standing_still(member);
+    job.sphere_m[slot] = job.cast.character[member].bounds;
+    return;
+  }
   if (job.shown.present[slot] == 0) {
     job.sphere_m[slot] = glm::vec4(0.0F, 0.0F, 0.0F, -1.0F);
     return;
@@ -27,9 +34,10 @@ cudaError_t probe_kernels(cudaStream_t stream) {
 }
 
 cudaError_t launch_advance(const AdvanceJob& job, cudaStream_t stream) {
-  if (job.shown.slots == 0) return cudaSuccess;  // an empty grid is a launch error
+  const std::uint32_t count = job.shown.slots + job.surrounding;
+  if (count == 0) return cudaSuccess;  // an empty grid is a launch error
   constexpr std::uint32_t kThreads = 256;
-  advance_kernel<<<(job.shown.slots + kThreads - 1) / kThreads, kThreads, 0, stream>>>(job);
+  advance_kernel<<<(count + kThreads - 1) / kThreads, kThreads, 0, stream>>>(job);
   return cudaGetLastError();
 }
 

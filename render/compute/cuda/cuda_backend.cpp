@@ -211,11 +211,9 @@ class CudaBackend final : public ComputeBackend {
     return result;
   }
 
-  absl::StatusOr<std::shared_ptr<const Instances>> advance(const DeviceSnapshot& older,
-                                                           const DeviceSnapshot& newer,
-                                                           std::int64_t scene_time_us,
-                                                           const CrowdSettings& settings,
-                                                           int channel) override {
+  absl::StatusOr<std::shared_ptr<const Instances>> advance(
+      const DeviceSnapshot& older, const DeviceSnapshot& newer, std::int64_t scene_time_us,
+      const CrowdSettings& settings, int channel, Surroundings surroundings) override {
     const auto* from = dynamic_cast<const CudaSnapshot*>(&older);
     const auto* to = dynamic_cast<const CudaSnapshot*>(&newer);
     if (from == nullptr || to == nullptr) {
@@ -232,13 +230,20 @@ class CudaBackend final : public ComputeBackend {
     const CudaSnapshot& shown = job.between.at_newer ? *to : *from;
     auto instances = std::make_shared<CudaInstances>(stream_);
     instances->scene_time_us = scene_time_us;
-    instances->count = shown.columns.slots;
+    instances->count = shown.columns.slots + surroundings.member_count;
+    instances->surrounding = surroundings.member_count;
     instances->present = shown.present;
     instances->origin_world = settings.origin_world;
     {
       const std::lock_guard lock(mutex_);
       instances->cast = cast_;
     }
+    if (absl::Status status = check_surroundings(surroundings, instances->cast->character_count());
+        !status.ok()) {
+      return status;
+    }
+    job.first_surrounding = surroundings.first_member;
+    job.surrounding = surroundings.member_count;
     THRONG_CUDA_TRY(instances->sphere_m.resize(instances->count), "advance");
     THRONG_CUDA_TRY(instances->state.resize(instances->count), "advance");
     const auto with_channel = [&](const CudaSnapshot& snapshot) {
@@ -294,6 +299,7 @@ class CudaBackend final : public ComputeBackend {
     job.visible = own->visible.data();
     job.distance_m = own->distance_m.data();
     job.counters = own->counters.data();
+    job.agents = slots - own->instances->surrounding;
     THRONG_CUDA_TRY(launch_cull(job, own->scratch.data(), scratch_bytes, stream_), "cull");
     own->seen = DeviceCounters();
     own->stage = ViewStage::kCulled;
@@ -408,7 +414,7 @@ class CudaBackend final : public ComputeBackend {
          cudaStreamSynchronize(stream_) != cudaSuccess)) {
       return counters;
     }
-    counters.visible = seen.visible;
+    counters.visible = seen.visible - seen.surrounding;
     if (own->stage < ViewStage::kSelected) return counters;
     counters.vertices = seen.vertices;
     counters.triangles = seen.triangles;

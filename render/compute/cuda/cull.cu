@@ -20,7 +20,11 @@ __global__ void mask_kernel(CullJob job) {
 __global__ void compact_kernel(CullJob job) {
   const std::uint32_t slot = blockIdx.x * blockDim.x + threadIdx.x;
   if (slot >= job.slots) return;
-  if (slot + 1 == job.slots) job.counters->visible = job.order[slot] + job.mask[slot];
+  if (slot + 1 == job.slots) {
+    job.counters->visible = job.order[slot] + job.mask[slot];
+    job.counters->surrounding =
+        job.agents < job.slots ? job.counters->visible - job.order[job.agents] : 0;
+  }
   if (job.mask[slot] == 0) return;
   const std::uint32_t i = job.order[slot];
   const glm::vec4 sphere_m = job.sphere_m[slot];

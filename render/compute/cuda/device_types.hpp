@@ -41,13 +41,15 @@ struct DeviceCast {
 
 /// What the host reads back once a frame.
 struct DeviceCounters {
-  std::uint32_t visible = 0;  // V
+  std::uint32_t visible = 0;      // V
+  std::uint32_t surrounding = 0;  // of them no agents
   std::uint64_t vertices = 0, triangles = 0;
   std::uint64_t effective_budget = 0;
 };
 
 struct AdvanceJob {
   DeviceCast cast;
+  std::uint32_t first_surrounding = 0, surrounding = 0;  // members of the cast
   element::SnapshotColumns shown, newer;
   element::Between between;
   bool same_roster = false;
@@ -60,6 +62,7 @@ struct CullJob {
   element::Frustum frustum;
   glm::dvec3 eye_offset_m{0.0};
   std::uint32_t slots = 0;
+  std::uint32_t agents = 0;  // slots from here on are surroundings
   const glm::vec4* sphere_m = nullptr;
   const element::InstanceState* state = nullptr;
   std::uint8_t* mask = nullptr;        // [I]

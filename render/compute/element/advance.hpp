@@ -34,6 +34,19 @@ struct InstanceState {
   Pose pose;
 };
 
+/// A piece of the surroundings.
+THRONG_HOST_DEVICE inline InstanceState standing_still(std::uint32_t character) {
+  InstanceState state;
+  state.position_m = glm::vec3(0.0F);
+  state.heading_rad = 0.0F;
+  state.placement = Placement();
+  state.character = character;
+  state.seed = 0;
+  state.channel = __builtin_nanf("");
+  state.pose = Pose();
+  return state;
+}
+
 THRONG_HOST_DEVICE inline Sample sample_of(const SnapshotColumns& columns, std::size_t slot) {
   return {columns.position_m[slot], columns.velocity_mps[slot], columns.heading_rad[slot],
           columns.speed_mps[slot], columns.walked_cycles[slot]};

@@ -4,6 +4,7 @@
 #include <epoxy/gl.h>
 
 #include <algorithm>
+#include <span>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -226,16 +227,23 @@ class GlRasterizer final : public Rasterizer {
     if (cast == nullptr || cast->members.empty()) {
       return absl::InvalidArgumentError("gl upload: the cast is empty");
     }
-    if (cast->members.size() > static_cast<std::size_t>(max_layers_)) {
+    // a layer for each character, and one for all surroundings
+    const auto surroundings =
+        std::find_if(cast->members.begin(), cast->members.end(),
+                     [](const CastMember& member) { return member.environment; });
+    const std::span<const CastMember> members(
+        cast->members.data(), static_cast<std::size_t>(surroundings - cast->members.begin()) +
+                                  (surroundings != cast->members.end() ? 1 : 0));
+    if (members.size() > static_cast<std::size_t>(max_layers_)) {
       return absl::InvalidArgumentError(
-          absl::StrCat("gl upload: ", cast->members.size(), " characters, at most ", max_layers_));
+          absl::StrCat("gl upload: ", members.size(), " characters, at most ", max_layers_));
     }
     BoundContext bound(*context_);
     if (!bound.status().ok()) return bound.status();
 
     ShaderOptions options;
     std::vector<const MipImage*> base, masks;
-    for (const CastMember& member : cast->members) {
+    for (const CastMember& member : members) {
       for (const std::uint8_t flags : member.character.triangle_flags) {
         options.two_sided |= (flags & kTriangleDoubleSided) != 0;
         options.cutout |= (flags & kTriangleAlphaCutout) != 0;

@@ -3,7 +3,8 @@
 namespace throng::render::gl {
 namespace {
 
-// Mirrors FrameUniforms of gl_rasterizer.cpp and InstanceShade of scene.hpp. "Relative" is relative to the eye.
+// Mirrors FrameUniforms of gl_rasterizer.cpp and InstanceShade of scene.hpp. "Relative" is relative
+// to the eye.
 constexpr char kCommon[] = R"(#version 450 core
 layout(std140, binding = 0) uniform Frame {
   mat4 clip_from_relative;

@@ -90,7 +90,7 @@ TEST(WalkthroughTest, VisibleCountsAreWithinATenthOfThePublishedOnes) {
     auto newer = (*backend)->upload(bracket.newer);
     ASSERT_TRUE(older.ok() && newer.ok());
     auto instances =
-        (*backend)->advance(**older, **newer, time_us, walkthrough->crowd().settings(), -1);
+        (*backend)->advance(**older, **newer, time_us, walkthrough->crowd().settings(), -1, {});
     ASSERT_TRUE(instances.ok());
     ASSERT_TRUE((*backend)->cull(**view, *instances, walkthrough->camera(frame), {1280, 720}).ok());
     visible.add((*backend)->counters(**view).visible);

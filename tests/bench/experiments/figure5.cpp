@@ -82,7 +82,7 @@ absl::Status run_figure5(const Common& common, const PaperOptions& options) {
   if (!newer.ok()) return newer.status();
   const render::CrowdSettings& settings = walkthrough->crowd().settings();
   auto instances =
-      (*backend)->advance(**older, **newer, Walkthrough::time_us(kFrame), settings, -1);
+      (*backend)->advance(**older, **newer, Walkthrough::time_us(kFrame), settings, -1, {});
   if (!instances.ok()) return instances.status();
   if (auto status = (*backend)->cull(**view, *instances, *chooser, common.viewport); !status.ok()) {
     return status;

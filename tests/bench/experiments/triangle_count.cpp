@@ -23,7 +23,7 @@ absl::Status TriangleCount::add(const render::Crowd& crowd, std::int64_t time_us
   if (!older.ok()) return older.status();
   auto newer = backend_->upload(bracket.newer);
   if (!newer.ok()) return newer.status();
-  auto instances = backend_->advance(**older, **newer, time_us, crowd.settings(), -1);
+  auto instances = backend_->advance(**older, **newer, time_us, crowd.settings(), -1, {});
   if (!instances.ok()) return instances.status();
   auto view = backend_->make_view();
   if (!view.ok()) return view.status();

@@ -160,7 +160,7 @@ TEST(AdvanceTest, OlderAfterNewerIsRefused) {
   const Bracket bracket = crowd->bracket(50'000);
   const auto older = stage.backend->upload(bracket.older).value();
   const auto newer = stage.backend->upload(bracket.newer).value();
-  EXPECT_EQ(stage.backend->advance(*newer, *older, 0, {}, -1).status().code(),
+  EXPECT_EQ(stage.backend->advance(*newer, *older, 0, {}, -1, {}).status().code(),
             absl::StatusCode::kInvalidArgument);
 }
 

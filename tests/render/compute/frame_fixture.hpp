@@ -34,7 +34,7 @@ struct Stage {
     const auto older = backend->upload(bracket.older);
     const auto newer = backend->upload(bracket.newer);
     ASSERT_TRUE(older.ok() && newer.ok());
-    auto advanced = backend->advance(**older, **newer, time_us, crowd.settings(), channel);
+    auto advanced = backend->advance(**older, **newer, time_us, crowd.settings(), channel, {});
     ASSERT_TRUE(advanced.ok()) << advanced.status();
     instances = *std::move(advanced);
   }

@@ -96,6 +96,9 @@ struct Character {
 struct CastMember {
   Character character;
   float weight = 1.0F;  // share of agents, relative to the other members
+  // A piece of a site (environment.hpp), which nobody walks as. Such members come after all others
+  // and have the texture of the first of them.
+  bool environment = false;
 };
 
 /// The characters a crowd is drawn with, from a folder with `cast.json`.

@@ -30,6 +30,12 @@ enum class PoseMode { kShared, kExact };
 /// agents that share a pose are only listed, and the rasterizer makes their vertices in cache.
 enum class GeometryKind { kBatched, kFused };
 
+/// What stands around the crowd: members of the cast that are drawn once each, at the crowd's
+/// origin (CastMember::environment).
+struct Surroundings {
+  std::uint32_t first_member = 0, member_count = 0;
+};
+
 /// Device copies; each backend derives its own.
 struct DeviceSnapshot {
   virtual ~DeviceSnapshot() = default;
@@ -39,8 +45,9 @@ struct DeviceSnapshot {
 struct Instances {
   virtual ~Instances() = default;
   std::int64_t scene_time_us = 0;
-  std::uint32_t count = 0;    // I, slots; an empty slot is never visible
-  std::uint32_t present = 0;  // agents there
+  std::uint32_t count = 0;        // I, slots and then surroundings; an empty slot is never visible
+  std::uint32_t present = 0;      // agents there
+  std::uint32_t surrounding = 0;  // of I, the last ones
   glm::dvec3 origin_world{0.0};
 };
 
@@ -90,7 +97,7 @@ inline constexpr std::uint32_t kPosedHeader = 16;  // values before a posed mesh
 
 /// Counters of the last frame of a view.
 struct ComputeCounters {
-  std::uint32_t agents = 0, visible = 0;
+  std::uint32_t agents = 0, visible = 0;  // without what stands around
   std::uint64_t vertices = 0, triangles = 0;
   std::uint64_t effective_budget = 0;  // max(N, sum of n_min)
   std::uint32_t shared_poses = 0;      // agents that share theirs
@@ -122,11 +129,10 @@ class ComputeBackend {
 
   /// Instances at `scene_time_us`, which lies between the two snapshots or shortly after the newer.
   /// @param channel  index of the channel that colours the agents, -1: none.
-  virtual absl::StatusOr<std::shared_ptr<const Instances>> advance(const DeviceSnapshot& older,
-                                                                   const DeviceSnapshot& newer,
-                                                                   std::int64_t scene_time_us,
-                                                                   const CrowdSettings& settings,
-                                                                   int channel) = 0;
+  /// @param surroundings  what is drawn beside the agents.
+  virtual absl::StatusOr<std::shared_ptr<const Instances>> advance(
+      const DeviceSnapshot& older, const DeviceSnapshot& newer, std::int64_t scene_time_us,
+      const CrowdSettings& settings, int channel, Surroundings surroundings) = 0;
 
   virtual absl::StatusOr<std::unique_ptr<ViewWork>> make_view() = 0;
 

@@ -17,6 +17,8 @@
 
 namespace throng::render {
 
+struct Environment;
+
 /// Who is in a frame: column i of every frame with this membership belongs to ids[i].
 struct Membership {
   std::uint64_t epoch = 0;               // the producer's number for it
@@ -97,10 +99,15 @@ class Crowd {
     return history_bytes_;
   }
   CrowdCounters counters() const;
+
+  /// What stands around the crowd; none unless it was set.
+  void set_environment(std::shared_ptr<const Environment> environment);
+  std::shared_ptr<const Environment> environment() const;
+
   const CrowdSettings& settings() const { return settings_; }
   const Cast& cast() const { return *cast_; }
 
-  /// A producer starts again: history and slots are forgotten.
+  /// A producer starts again: history, slots and environment are forgotten.
   void reset();
 
  private:
@@ -109,7 +116,8 @@ class Crowd {
   CrowdSettings settings_;
   // columns are derived under push_mutex_ alone, so that viewers don't wait for a push
   std::mutex push_mutex_;
-  mutable std::mutex mutex_;  // guards history_, history_bytes_ and counters_
+  mutable std::mutex mutex_;  // guards history_, history_bytes_, counters_ and environment_
+  std::shared_ptr<const Environment> environment_;
   std::deque<std::shared_ptr<const Snapshot>> history_;
   std::size_t history_bytes_ = 0;
   CrowdCounters counters_;
