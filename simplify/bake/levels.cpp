@@ -26,4 +26,11 @@ LevelMesh level_mesh(const render::Character& character, std::uint32_t count) {
   return mesh;
 }
 
+LevelMesh level_mesh_of(const render::Character& character, std::uint32_t triangles) {
+  std::uint32_t count = character.vertex_count();
+  while (count > character.coarsest_count && character.triangle_count_at[count] > triangles)
+    count = character.legal_count[count - 1];
+  return level_mesh(character, count);
+}
+
 }  // namespace throng::simplify

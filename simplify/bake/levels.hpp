@@ -36,4 +36,7 @@ struct LevelMesh {
 /// every corner replaced by following the collapse target until it is below `count`.
 LevelMesh level_mesh(const render::Character& character, std::uint32_t count);
 
+/// The largest legal level with at most so many triangles, else the coarsest.
+LevelMesh level_mesh_of(const render::Character& character, std::uint32_t triangles);
+
 }  // namespace throng::simplify

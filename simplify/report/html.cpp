@@ -49,6 +49,8 @@ std::string escaped(const std::string& text) {
 /// Smaller differences than these are shown as equal.
 constexpr double kOverlapStep = 5.0e-4, kPsnrStep = 0.05, kSsimStep = 5.0e-4, kHausdorffStep = 0.05;
 
+bool is_rival(Method method) { return method == Method::kAttributes || method == Method::kPlain; }
+
 std::string cell(const std::string& text, bool is_worse) {
   return absl::StrCat(is_worse ? "<td class=\"worse\">" : "<td>", text, "</td>");
 }
@@ -112,10 +114,9 @@ void add_pair(const Measure& measure, const Figures& ours, const Figures& theirs
 void add_comparison(const std::vector<ComparisonRow>& rows, std::string& html) {
   if (rows.empty()) return;
   html +=
-      "<h2>At the same triangle counts</h2>\n<p>throng / meshoptimizer, medians over the "
-      "characters "
-      "that meshoptimizer brings down to throng's triangle count (at most 5 % more). Where it is "
-      "stuck above, it draws more and isn't compared. Red: throng is worse.</p>\n"
+      "<h2>At the same triangle counts</h2>\n<p>throng / meshoptimizer, medians over characters. "
+      "Where meshoptimizer is stuck above throng's triangle count (by more than 5 %), throng is "
+      "drawn with meshoptimizer's count instead. Red: throng is worse.</p>\n"
       "<div "
       "class=\"scroll\"><table><tr><th>level</th><th>rival</th><th>characters</th><th>stuck</th>";
   for (const char* of : {"median", "worst pose"}) {
@@ -131,10 +132,6 @@ void add_comparison(const std::vector<ComparisonRow>& rows, std::string& html) {
                           "<tr%s><td>%s</td><td class=\"words\">%s</td><td>%u</td><td>%u</td>",
                           row.rival == Method::kAttributes ? " class=\"first\"" : "", level,
                           method_name(row.rival), row.characters, row.stuck);
-    if (row.characters == 0) {
-      html += "<td colspan=\"9\"></td></tr>\n";
-      continue;
-    }
     const std::tuple<const char*, const Figures*, const Figures*> parts[] = {
         {"in the median", &row.throng_median, &row.rival_median},
         {"in the worst pose", &row.throng_worst_pose, &row.rival_worst_pose}};
@@ -188,7 +185,7 @@ void add_character(const CharacterReport& character, std::string& html) {
       const auto beaten = [&](auto value, double step) {
         if (&row != ours) return false;
         for (const LevelReport& other : character.levels) {
-          if (other.level == level && other.method != Method::kThrong && !is_stuck(row, other) &&
+          if (other.level == level && is_rival(other.method) && !is_stuck(row, other) &&
               is_worse(value(row), value(other), step)) {
             return true;
           }
@@ -200,7 +197,8 @@ void add_character(const CharacterReport& character, std::string& html) {
           &html, "<tr%s><td>%s</td><td class=\"words\">%s</td><td>%u</td><td>%u%s</td>",
           row.method == Method::kThrong ? " class=\"first\"" : "",
           row.method == Method::kThrong ? kLevelSpecs[level].name : "", method_name(row.method),
-          row.vertices, row.triangles, ours != nullptr && is_stuck(*ours, row) ? " (stuck)" : "");
+          row.vertices, row.triangles,
+          is_rival(row.method) && ours != nullptr && is_stuck(*ours, row) ? " (stuck)" : "");
       html += cell(absl::StrFormat("%.3f", row.overlap.median),
                    beaten([](const LevelReport& r) { return r.overlap.median; }, kOverlapStep));
       html += cell(absl::StrFormat("%.3f", row.overlap.worst_pose),

@@ -2,6 +2,7 @@
 
 #include <absl/status/statusor.h>
 
+#include <algorithm>
 #include <array>
 #include <functional>
 #include <string>
@@ -14,10 +15,12 @@
 
 namespace throng::simplify {
 
-enum class Method : std::uint8_t { kThrong, kAttributes, kPlain };
+/// The last two: throng at the triangle count that a rival got stuck at, where it is above
+/// throng's.
+enum class Method : std::uint8_t { kThrong, kAttributes, kPlain, kAtAttributes, kAtPlain };
 inline constexpr std::array<Method, 3> kMethods{Method::kThrong, Method::kAttributes,
                                                 Method::kPlain};
-/// "throng", "meshoptimizer attributes", "meshoptimizer plain"
+/// "throng", "meshoptimizer attributes", ...
 const char* method_name(Method method);
 
 /// One direction: the figure's turn to the viewer and how far the viewer looks down.
@@ -58,6 +61,11 @@ struct CharacterReport {
   std::vector<LevelReport> levels;    // by method, then level
   std::string levels_png, worst_png;  // file names in the report's folder
 };
+
+/// True where a rival couldn't come down to throng's triangle count (5 % more are the same).
+inline bool is_stuck(const LevelReport& ours, const LevelReport& rival) {
+  return rival.triangles > 1.05 * std::max(1U, ours.triangles);
+}
 
 struct MeasureOptions {
   std::uint32_t views = 8;  // around, half of them from a little above, half from higher up

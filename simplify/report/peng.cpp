@@ -35,14 +35,6 @@ absl::StatusOr<render::Character> bake_peng(const SourceCharacter& source, bool 
   return render::make_character(std::move(baked->character));
 }
 
-/// The level with at most so many triangles, or the coarsest.
-LevelMesh level_of(const render::Character& character, std::uint32_t triangles) {
-  std::uint32_t count = character.vertex_count();
-  while (count > character.coarsest_count && character.triangle_count_at[count] > triangles)
-    count = character.legal_count[count - 1];
-  return level_mesh(character, count);
-}
-
 /// From the full mesh to a level, in one pose.
 struct Distance {
   double mean_mm = 0.0;  // root of the mean square
@@ -127,8 +119,8 @@ absl::StatusOr<PengFigures> paint_peng2011(const std::string& builtin_name,
   // figure 2: rows full mesh, bind pose only, all frames
   {
     const LevelMesh full = level_mesh(*all, all->vertex_count());
-    const LevelMesh bind_level = level_of(*bind, kFigure2Triangles);
-    const LevelMesh all_level = level_of(*all, kFigure2Triangles);
+    const LevelMesh bind_level = level_mesh_of(*bind, kFigure2Triangles);
+    const LevelMesh all_level = level_mesh_of(*all, kFigure2Triangles);
     const Place place = place_of(*all, shown_poses);
     const int row = place.height + kLabelPx;
     const auto columns = static_cast<int>(poses.size());
@@ -194,7 +186,7 @@ absl::StatusOr<PengFigures> paint_peng2011(const std::string& builtin_name,
                   static_cast<std::uint32_t>(place.height + 28), kPaper);
     std::string reached;
     for (int c = 0; c < columns; ++c) {
-      const LevelMesh mesh = level_of(*all, kFigure3Triangles[c]);
+      const LevelMesh mesh = level_mesh_of(*all, kFigure3Triangles[c]);
       canvas.write(absl::StrCat(mesh.triangles.size(), " tri"),
                    {static_cast<float>(c * width + 8), 17.0F}, 10.0F, kInk);
       const auto status =

@@ -3,7 +3,6 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
-#include <algorithm>
 #include <functional>
 #include <string>
 #include <vector>
@@ -56,12 +55,6 @@ struct Figures {
   double overlap = 0.0, psnr_db = 0.0, ssim = 0.0, hausdorff_percent = 0.0;
 };
 
-/// True where a rival couldn't come down to throng's triangle count (5 % more are the same): it
-/// draws more and can't be compared.
-inline bool is_stuck(const LevelReport& ours, const LevelReport& rival) {
-  return rival.triangles > 1.05 * std::max(1U, ours.triangles);
-}
-
 /// One method at one level over all characters.
 struct SummaryRow {
   Method method = Method::kThrong;
@@ -74,12 +67,14 @@ struct SummaryRow {
 };
 std::vector<SummaryRow> summarize(const std::vector<CharacterReport>& characters);
 
-/// throng beside a rival at one level, over the characters where the rival isn't stuck.
+/// throng beside a rival at one level and the same triangle counts: throng's, or the rival's for
+/// those characters where it is stuck above.
 struct ComparisonRow {
   Method rival = Method::kPlain;
   std::uint32_t level = 0;
-  std::uint32_t characters = 0, stuck = 0;  // compared, left out
-  Figures throng_median, rival_median;      // as in SummaryRow
+  std::uint32_t characters = 0;
+  std::uint32_t stuck = 0;              // of them, compared at the rival's count
+  Figures throng_median, rival_median;  // as in SummaryRow
   Figures throng_worst_pose, rival_worst_pose;
   std::uint32_t no_worse = 0;  // characters where throng's median ssim is no less
 };

@@ -116,7 +116,9 @@ std::vector<ComparisonRow> compare(const std::vector<CharacterReport>& character
         if (theirs == nullptr || ours == nullptr) continue;
         if (is_stuck(*ours, *theirs)) {
           ++row.stuck;
-          continue;
+          ours = find(character, level,
+                      method == Method::kAttributes ? Method::kAtAttributes : Method::kAtPlain);
+          if (ours == nullptr) continue;
         }
         ++row.characters;
         our_median.add_median(character, *ours);
@@ -125,7 +127,7 @@ std::vector<ComparisonRow> compare(const std::vector<CharacterReport>& character
         worst.add_worst_pose(character, *theirs);
         row.no_worse += ours->ssim.median >= theirs->ssim.median ? 1 : 0;
       }
-      if (row.characters + row.stuck == 0) continue;
+      if (row.characters == 0) continue;
       row.throng_median = our_median.median();
       row.throng_worst_pose = our_worst.median();
       row.rival_median = median.median();

@@ -175,7 +175,7 @@ TEST_F(ReportTest, InspectComparesACastWithTable1) {
   EXPECT_THAT(run.output, HasSubstr("two"));
 }
 
-TEST(SummaryTest, ComparesOnlyWhereTheRivalGotDownToTheCount) {
+TEST(SummaryTest, ComparesAtTheCountThatBothGetDownTo) {
   CharacterReport a, b;
   a.height_m = b.height_m = 2.0F;
   const auto level = [](Method method, double ssim, std::uint32_t triangles) {
@@ -188,7 +188,8 @@ TEST(SummaryTest, ComparesOnlyWhereTheRivalGotDownToTheCount) {
     return row;
   };
   a.levels = {level(Method::kThrong, 0.9, 100), level(Method::kPlain, 0.8, 100)};
-  b.levels = {level(Method::kThrong, 0.7, 100), level(Method::kPlain, 0.8, 300)};
+  b.levels = {level(Method::kThrong, 0.7, 100), level(Method::kPlain, 0.8, 300),
+              level(Method::kAtPlain, 0.95, 298)};
   const auto rows = summarize({a, b});
   ASSERT_EQ(rows.size(), 2U);
   EXPECT_DOUBLE_EQ(rows[0].median.ssim, 0.8);
@@ -198,10 +199,10 @@ TEST(SummaryTest, ComparesOnlyWhereTheRivalGotDownToTheCount) {
   EXPECT_DOUBLE_EQ(rows[1].triangle_ratio, 2.0);
   const auto compared = compare({a, b});
   ASSERT_EQ(compared.size(), 1U);
-  EXPECT_EQ(compared[0].characters, 1U);
+  EXPECT_EQ(compared[0].characters, 2U);
   EXPECT_EQ(compared[0].stuck, 1U);
-  EXPECT_EQ(compared[0].no_worse, 1U);
-  EXPECT_DOUBLE_EQ(compared[0].throng_median.ssim, 0.9);
+  EXPECT_EQ(compared[0].no_worse, 2U);
+  EXPECT_DOUBLE_EQ(compared[0].throng_median.ssim, 0.925);
   EXPECT_DOUBLE_EQ(compared[0].rival_median.ssim, 0.8);
 }
 
