@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <optional>
+#include <span>
 
 // OpenMesh's headers warn under our options.
 #pragma GCC diagnostic push
@@ -18,7 +20,9 @@
 #pragma GCC diagnostic pop
 
 #include "simplify/collapse/attribute_cost.hpp"
+#include "simplify/collapse/contract.hpp"
 #include "simplify/collapse/pose_cost.hpp"
+#include "simplify/collapse/views.hpp"
 
 namespace throng::simplify {
 namespace {
@@ -29,29 +33,27 @@ using CollapseInfo = OpenMesh::Decimater::CollapseInfoT<HalfEdgeMesh>;
 // Share of the worst pose in the cost; the rest of it is the mean over poses.
 constexpr float kWorstPose = 0.35F;
 
-/// What a phase refuses. The first one is strict; the others only run when it is stuck, so that
-/// even the coarsest levels are reached.
+/// What a phase refuses. The first one is strict; the others only run when it is stuck.
 struct Phase {
   float least_cosine;
   float least_quality;
   bool bind_pose_only;
   bool may_mirror;
-  std::uint32_t begin_count;  // vertices at which it begins at the latest
 };
 constexpr Phase kPhases[] = {
-    {0.20F, 0.06F, false, false, 0xFFFFFFFFU},
-    {-0.10F, 0.02F, false, true, 160},
-    {-0.50F, 0.0F, true, true, 64},
-    {-2.0F, 0.0F, true, true, 0},
+    {0.20F, 0.06F, false, false},
+    {-0.10F, 0.02F, false, true},
+    {-0.50F, 0.0F, true, true},
 };
+// Vertices at which the pictures take over, and at least this share of a small character.
+constexpr std::uint32_t kContractCount = 512;
+constexpr float kContractShare = 0.5F;
 constexpr std::size_t kPhaseCount = std::size(kPhases);
 
 /// What a budget buys is vertices, so a step may cost more if more of them go with it. By the
-/// square root, not the number itself: seams would go too early. The coarsest levels are too small
-/// on the screen for that, and there seams would eat up half of the vertices.
-float vertex_share(std::uint32_t wedges, bool is_coarse) {
-  const float count = static_cast<float>(std::max(1U, wedges));
-  return 1.0F / (is_coarse ? count : std::sqrt(count));
+/// square root, not the number itself: seams would go too early.
+float vertex_share(std::uint32_t wedges) {
+  return 1.0F / std::sqrt(static_cast<float>(std::max(1U, wedges)));
 }
 
 /// Connected pieces of the surface: eyes, buttons, hair. A small one vanishes as a whole when the
@@ -65,17 +67,17 @@ struct Piece {
   bool is_gone = false;
 
   /// In m^4 for each vertex that is won, like the cost of a collapse.
-  float removal_cost(bool is_coarse) const {
-    return (area_m2 * distance_m * distance_m + other_cost) * vertex_share(wedges, is_coarse);
+  float removal_cost() const {
+    return (area_m2 * distance_m * distance_m + other_cost) * vertex_share(wedges);
   }
 };
 
 struct State {
   State(const PoseSet& pose_set, const CollapseOptions& collapse_options, WedgeMesh& wedge_mesh,
-        float size_m)
+        float size_m, std::span<const float> visible)
       : options(collapse_options),
         mesh(wedge_mesh),
-        poses(pose_set, wedge_mesh, size_m),
+        poses(pose_set, wedge_mesh, size_m, visible),
         attributes(wedge_mesh, size_m) {}
 
   const CollapseOptions& options;
@@ -86,7 +88,6 @@ struct State {
   std::vector<std::uint32_t> piece_of;  // [P]
   std::vector<bool> is_fixed;           // [P] Peng et al.'s fixed vertices
   std::size_t phase = 0;
-  bool is_coarse() const { return phase > 0; }
   float last_cost = 0.0F;
   float error_m = 0.0F;  // never falls
 };
@@ -122,10 +123,9 @@ class WedgeModule : public OpenMesh::Decimater::ModBaseT<HalfEdgeMesh> {
     const float area_m2 = state_->poses.area_m2(a);
     if (area_m2 > 0.0F)
       state_->error_m = std::max(state_->error_m, std::sqrt(cost.largest / area_m2));
-    state_->last_cost =
-        total(cost) * vertex_share(state_->mesh.alive_wedges(a), state_->is_coarse());
+    state_->last_cost = total(cost) * vertex_share(state_->mesh.alive_wedges(a));
     const std::uint32_t before = state_->mesh.alive_wedges();
-    state_->mesh.collapse(a, b, around_, left_, right_, moves_, state_->error_m);
+    state_->mesh.collapse(a, b, around_, moves_, state_->error_m);
     state_->poses.merge(a, b);
     Piece& piece = state_->pieces[state_->piece_of[a]];
     --piece.points;
@@ -148,9 +148,7 @@ class WedgeModule : public OpenMesh::Decimater::ModBaseT<HalfEdgeMesh> {
   void look_around(const CollapseInfo& info) {
     around_.clear();
     for (const auto face : mesh().vf_range(info.v0)) around_.push_back(index(face));
-    left_ = index(info.fl);
-    right_ = index(info.fr);
-    state_->mesh.find_moves(index(info.v0), index(info.v1), around_, left_, right_, moves_);
+    state_->mesh.find_moves(index(info.v0), index(info.v1), around_, moves_);
   }
 
   const WedgeMove* move_of(std::uint32_t triangle, std::uint32_t a) const {
@@ -166,7 +164,7 @@ class WedgeModule : public OpenMesh::Decimater::ModBaseT<HalfEdgeMesh> {
 
   bool breaks_any(std::uint32_t a, std::uint32_t b, const Phase& phase) const {
     for (const std::uint32_t triangle : around_) {
-      if (triangle == left_ || triangle == right_) continue;
+      if (state_->mesh.has(triangle, b)) continue;
       const glm::uvec3& points = state_->mesh.points(triangle);
       const int corner = points.x == a ? 0 : points.y == a ? 1 : 2;
       if (state_->poses.breaks(a, b, points[(corner + 1) % 3], points[(corner + 2) % 3],
@@ -181,13 +179,13 @@ class WedgeModule : public OpenMesh::Decimater::ModBaseT<HalfEdgeMesh> {
     const std::uint32_t a = index(info.v0), b = index(info.v1);
     const Phase& phase = kPhases[state_->phase];
     const PoseCost::Cost position = state_->poses.move_cost(a, b);
-    const float share = vertex_share(state_->mesh.alive_wedges(a), state_->is_coarse());
-    float cost = share * (total(position) + state_->poses.extent_cost(a, b, state_->is_coarse()) +
+    const float share = vertex_share(state_->mesh.alive_wedges(a));
+    float cost = share * (total(position) + state_->poses.extent_cost(a, b, false) +
                           state_->poses.area_m2(a) * state_->attributes.joint_cost(a, b));
     if (cost >= best_) return Base::ILLEGAL_COLLAPSE;
     look_around(info);
     for (const std::uint32_t triangle : around_) {
-      if (triangle == left_ || triangle == right_) continue;
+      if (state_->mesh.has(triangle, b)) continue;
       const WedgeMove* move = move_of(triangle, a);
       if (move == nullptr || move->to == kNoIndex) return Base::ILLEGAL_COLLAPSE;
       cost += share * state_->attributes.triangle_cost(triangle, a, b, *move);
@@ -213,16 +211,14 @@ class WedgeModule : public OpenMesh::Decimater::ModBaseT<HalfEdgeMesh> {
       if (!move.is_exact || (is_companioned && move.is_ambiguous)) return Base::ILLEGAL_COLLAPSE;
     }
     // the paper relies on face normals against inversion; here in the bind pose
-    return breaks_any(a, b, {0.0F, 0.0F, true, true, 0})
-               ? static_cast<float>(Base::ILLEGAL_COLLAPSE)
-               : cost;
+    return breaks_any(a, b, {0.0F, 0.0F, true, true}) ? static_cast<float>(Base::ILLEGAL_COLLAPSE)
+                                                      : cost;
   }
 
   State* state_ = nullptr;
   int asked_ = -1;
   float best_ = 0.0F;
   std::vector<std::uint32_t> around_;
-  std::uint32_t left_ = kNoIndex, right_ = kNoIndex;
   std::vector<WedgeMove> moves_;
 };
 
@@ -235,26 +231,19 @@ std::uint32_t cheapest_piece(const State& state, std::uint32_t most_points) {
     if (piece.is_gone) continue;
     ++alive;
     if (piece.points > most_points) continue;
-    if (cheapest == kNoIndex || piece.removal_cost(state.is_coarse()) <
-                                    state.pieces[cheapest].removal_cost(state.is_coarse()))
+    if (cheapest == kNoIndex || piece.removal_cost() < state.pieces[cheapest].removal_cost())
       cheapest = i;
   }
   return alive > 1 ? cheapest : kNoIndex;
 }
 
-/// At coarse levels a strict test would only drive the order to collapses that are seen more.
-bool is_phase_over(const State& state) {
-  return state.phase + 1 < kPhaseCount &&
-         state.mesh.alive_wedges() <= kPhases[state.phase + 1].begin_count;
-}
-
 constexpr std::uint32_t kSmallPiece = 12;  // points at which a piece may vanish
 
-/// Stops the decimater when the coarsest level is reached or when a piece should vanish.
+/// Stops the decimater at `last_count` vertices or when a piece should vanish.
 class Watcher : public OpenMesh::Decimater::Observer {
  public:
-  explicit Watcher(const State& state)
-      : Observer(1), state_(state), first_(state.mesh.alive_wedges()) {}
+  Watcher(const State& state, std::uint32_t last_count)
+      : Observer(1), state_(state), first_(state.mesh.alive_wedges()), last_count_(last_count) {}
 
   /// Another run begins. Each one computes all costs again, so a piece has to wait for a share of
   /// the surface to go.
@@ -273,17 +262,15 @@ class Watcher : public OpenMesh::Decimater::Observer {
 
   bool abort() const override {
     if (state_.options.criterion == Criterion::kPeng2011) return false;
-    if (state_.mesh.alive_wedges() <= state_.options.coarsest_count) return true;
-    if (is_phase_over(state_)) return true;
+    if (state_.mesh.alive_wedges() <= last_count_) return true;
     if (run_steps_ <= least_steps_) return false;
     const std::uint32_t piece = cheapest_piece(state_, kSmallPiece);
-    return piece != kNoIndex &&
-           state_.pieces[piece].removal_cost(state_.is_coarse()) < state_.last_cost;
+    return piece != kNoIndex && state_.pieces[piece].removal_cost() < state_.last_cost;
   }
 
  private:
   const State& state_;
-  std::uint32_t first_;
+  std::uint32_t first_, last_count_;
   std::size_t run_steps_ = 0, least_steps_ = 0;
 };
 
@@ -432,9 +419,13 @@ absl::Status decimate(const PoseSet& poses, const CollapseOptions& options, Wedg
     high = glm::max(high, point.position);
   }
   const glm::vec3 extent = high - low;
-  State state(poses, options, mesh, std::max(extent.x, std::max(extent.y, extent.z)));
-  find_pieces(mesh, state);
+  const float size_m = std::max(extent.x, std::max(extent.y, extent.z));
   const bool is_peng = options.criterion == Criterion::kPeng2011;
+  std::optional<Views> views;
+  if (!is_peng) views.emplace(poses, mesh, size_m);
+  State state(poses, options, mesh, size_m,
+              is_peng ? std::vector<float>() : views->visibility(mesh));
+  find_pieces(mesh, state);
   if (is_peng) {
     state.is_fixed.resize(mesh.surface().points.size());
     for (std::uint32_t p = 0; p < state.is_fixed.size(); ++p) {
@@ -449,38 +440,33 @@ absl::Status decimate(const PoseSet& poses, const CollapseOptions& options, Wedg
   decimater.module(handle).attach(&state);
   if (!decimater.initialize())
     return absl::InternalError("collapse: OpenMesh's decimater has no cost module");
-  Watcher watcher(state);
+  const std::uint32_t last_count = std::max(
+      options.coarsest_count,
+      std::min(kContractCount, static_cast<std::uint32_t>(
+                                   kContractShare * static_cast<float>(mesh.alive_wedges()))));
+  Watcher watcher(state, last_count);
   decimater.set_observer(&watcher);
 
   for (;;) {
     watcher.begin_run();
     const std::size_t before = mesh.steps().size();
     decimater.decimate();
-    if (is_peng || mesh.alive_wedges() <= options.coarsest_count) break;
+    if (is_peng || mesh.alive_wedges() <= last_count) break;
     const bool is_stuck = mesh.steps().size() == before;
     // pieces that cost no more than the last collapse; all of them, because a run is not for free
     bool is_removed = false;
     for (std::uint32_t piece; (piece = cheapest_piece(state, kSmallPiece)) != kNoIndex;) {
-      if (state.pieces[piece].removal_cost(state.is_coarse()) >= state.last_cost) break;
+      if (state.pieces[piece].removal_cost() >= state.last_cost) break;
       remove_piece(piece, state, half_edges);
       is_removed = true;
-      if (mesh.alive_wedges() <= options.coarsest_count) break;
-    }
-    if (mesh.alive_wedges() <= options.coarsest_count) break;
-    if (is_phase_over(state)) {
-      ++state.phase;
-      continue;
+      if (mesh.alive_wedges() <= last_count) break;
     }
     if (is_removed || !is_stuck) continue;
-    if (state.phase + 1 < kPhaseCount) {
-      ++state.phase;
-      continue;
-    }
-    // nothing collapses any more: the least piece goes, or this is the end
-    const std::uint32_t piece = cheapest_piece(state, kNoIndex);
-    if (piece == kNoIndex) break;
-    remove_piece(piece, state, half_edges);
-    if (mesh.alive_wedges() <= options.coarsest_count) break;
+    if (++state.phase == kPhaseCount) break;
+  }
+  if (!is_peng && mesh.alive_wedges() > options.coarsest_count) {
+    contract(options.coarsest_count, size_m, state.poses, state.attributes, *views, state.error_m,
+             mesh);
   }
   if (!is_peng && mesh.alive_wedges() > options.coarsest_count) {
     notes.push_back(absl::StrCat("coarsest level has ", mesh.alive_wedges(), " vertices, wanted ",

@@ -21,12 +21,15 @@ constexpr float kOutermost = 0.04F;
 // a fixed one would hold all of the many points there at fine levels (it cost up to 10 dB).
 constexpr float kExtent = 1.0F;
 constexpr float kCoarseExtent = 3.0F;
+// What hidden surface counts: other poses and views may bare it.
+constexpr float kHidden = 0.25F;
 // The area that the extent of a whole piece counts for, as a share of the size squared.
 constexpr float kPieceExtent = 0.01F;
 
 }  // namespace
 
-PoseCost::PoseCost(const PoseSet& poses, const WedgeMesh& mesh, float size_m)
+PoseCost::PoseCost(const PoseSet& poses, const WedgeMesh& mesh, float size_m,
+                   std::span<const float> visible)
     : lanes_((poses.count + kLaneGroup - 1) / kLaneGroup * kLaneGroup),
       weight_(lanes_, 0.0F),
       counts_(lanes_, 0.0F),
@@ -95,7 +98,8 @@ PoseCost::PoseCost(const PoseSet& poses, const WedgeMesh& mesh, float size_m)
       const glm::vec3 cross = glm::cross(at[corner.y] - at[corner.x], at[corner.z] - at[corner.x]);
       const float length = glm::length(cross);
       normal[t] = length > 0.0F ? cross / length : glm::vec3(0.0F);
-      const float area = 0.5F * length;
+      const float area =
+          0.5F * length * (visible.empty() ? 1.0F : kHidden + (1.0F - kHidden) * visible[t]);
       triangle_area_[t] += weight_[lane] * area;
       for (int i = 0; i < 3; ++i) {
         add_plane(corner[i], lane, normal[t], area / 3.0F);

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <span>
 #include <vector>
 
 #include "simplify/collapse/collapse.hpp"
@@ -18,7 +19,9 @@ namespace throng::simplify {
 /// for vector instructions.
 class PoseCost {
  public:
-  PoseCost(const PoseSet& poses, const WedgeMesh& mesh, float size_m);
+  /// @param visible  [T] how much of each triangle is ever seen, 0 to 1; empty for all of all
+  PoseCost(const PoseSet& poses, const WedgeMesh& mesh, float size_m,
+           std::span<const float> visible = {});
 
   struct Cost {
     float mean;     // m^4, over poses by their weight

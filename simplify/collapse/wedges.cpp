@@ -35,30 +35,23 @@ WedgeMesh::WedgeMesh(const Surface& surface)
 }
 
 void WedgeMesh::find_moves(std::uint32_t a, std::uint32_t b, std::span<const std::uint32_t> around,
-                           std::uint32_t left, std::uint32_t right,
                            std::vector<WedgeMove>& moves) const {
   moves.clear();
-  // the wedge of a and that of b next to it, on both sides of the edge
-  std::uint32_t from[2] = {kNoIndex, kNoIndex}, to[2] = {kNoIndex, kNoIndex};
-  const std::uint32_t dying[2] = {left, right};
-  for (int side = 0; side < 2; ++side) {
-    if (dying[side] == kNoIndex) continue;
-    from[side] = wedges_[dying[side]][corner_of(points_[dying[side]], a)];
-    to[side] = wedges_[dying[side]][corner_of(points_[dying[side]], b)];
-  }
   for (const std::uint32_t triangle : around) {
-    if (triangle == left || triangle == right) continue;
+    if (has(triangle, b)) continue;
     const std::uint32_t wedge = wedges_[triangle][corner_of(points_[triangle], a)];
     const bool is_known = std::any_of(moves.begin(), moves.end(),
                                       [&](const WedgeMove& move) { return move.from == wedge; });
     if (is_known) continue;
+    // the wedge of b next to it, on the sides of the edge
     WedgeMove move{wedge, kNoIndex, true, false};
-    if (wedge == from[0]) {
-      move.to = to[0];
-      move.is_ambiguous = wedge == from[1] && to[0] != to[1];
-    } else if (wedge == from[1]) {
-      move.to = to[1];
-    } else {
+    for (const std::uint32_t dying : around) {
+      if (!has(dying, b) || wedges_[dying][corner_of(points_[dying], a)] != wedge) continue;
+      const std::uint32_t to = wedges_[dying][corner_of(points_[dying], b)];
+      if (move.to == kNoIndex) move.to = to;
+      move.is_ambiguous |= move.to != to;
+    }
+    if (move.to == kNoIndex) {
       move.to = nearest_alive_wedge(b, wedge);
       move.is_exact = false;
     }
@@ -89,24 +82,22 @@ void WedgeMesh::kill(std::uint32_t triangle) {
 }
 
 void WedgeMesh::collapse(std::uint32_t a, std::uint32_t b, std::span<const std::uint32_t> around,
-                         std::uint32_t left, std::uint32_t right, std::span<const WedgeMove> moves,
-                         float error_m) {
+                         std::span<const WedgeMove> moves, float error_m) {
   Step step;
   step.first_removal = static_cast<std::uint32_t>(removals_.size());
   step.error_m = error_m;
 
-  std::uint32_t touched[3] = {b, kNoIndex, kNoIndex};  // points that may lose wedges besides a
-  const std::uint32_t dying[2] = {left, right};
-  for (int side = 0; side < 2; ++side) {
-    if (dying[side] == kNoIndex) continue;
-    const glm::uvec3& corner = points_[dying[side]];
-    for (int i = 0; i < 3; ++i) {
-      if (corner[i] != a && corner[i] != b) touched[side + 1] = corner[i];
-    }
-    kill(dying[side]);
-  }
+  std::vector<std::uint32_t> touched{b};  // points that may lose wedges besides a
   for (const std::uint32_t triangle : around) {
-    if (triangle == left || triangle == right) continue;
+    if (has(triangle, b)) {
+      for (int i = 0; i < 3; ++i) {
+        const std::uint32_t point = points_[triangle][i];
+        if (point != a && std::find(touched.begin(), touched.end(), point) == touched.end())
+          touched.push_back(point);
+      }
+      kill(triangle);
+      continue;
+    }
     const int corner = corner_of(points_[triangle], a);
     std::uint32_t& wedge = wedges_[triangle][corner];
     for (const WedgeMove& move : moves) {
@@ -123,7 +114,6 @@ void WedgeMesh::collapse(std::uint32_t a, std::uint32_t b, std::span<const std::
   // vertices
   std::vector<std::uint32_t> orphans;
   for (const std::uint32_t point : touched) {
-    if (point == kNoIndex) continue;
     std::vector<std::uint32_t>& alive = point_wedges_[point];
     for (std::size_t i = 0; i < alive.size();) {
       if (users_[alive[i]] > 0) {

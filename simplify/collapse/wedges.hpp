@@ -16,18 +16,19 @@ struct WedgeMove {
   std::uint32_t from = kNoIndex;
   std::uint32_t to = kNoIndex;
   bool is_exact = false;  // `to` continues `from` in the same chart, so nothing tears
-  bool is_ambiguous =
-      false;  // exact on both sides of the edge, but with different wedges (end of a dart)
+  // exact on both sides of the edge, but with different wedges (end of a dart)
+  bool is_ambiguous = false;
 };
 
 /// The wedges of a surface while it is collapsed, and the record of what went.
 ///
 /// Rule for a collapse of point a into b (after Peng et al. 2011, section 4.2, and wedges as in
-/// Hoppe 1996): the triangles left and right of edge ab die, and in each of them a wedge of a lies
-/// next to a wedge of b in the same chart. A wedge of a that lives on in other triangles and lies
-/// in one of the two moves to that neighbour: exactly, with no tear. A wedge in neither of them is
-/// cut off from b by a seam; it can only move to the wedge of b with the nearest uv, which
-/// stretches texture over the seam. Whether that is allowed, and at what cost, is the caller's.
+/// Hoppe 1996): the triangles at edge ab die, on a manifold one left and one right of it, and in
+/// each of them a wedge of a lies next to a wedge of b in the same chart. A wedge of a that lives
+/// on in other triangles and lies in one of the two moves to that neighbour: exactly, with no tear.
+/// A wedge in neither of them is cut off from b by a seam (or b lies in another piece); it can only
+/// move to the wedge of b with the nearest uv, which stretches texture over the seam. Whether that
+/// is allowed, and at what cost, is the caller's.
 class WedgeMesh {
  public:
   /// A step of the record: wedges that went together and the triangles that went with them.
@@ -47,6 +48,10 @@ class WedgeMesh {
   const glm::uvec3& points(std::uint32_t triangle) const { return points_[triangle]; }
   const glm::uvec3& wedges(std::uint32_t triangle) const { return wedges_[triangle]; }
   bool is_alive(std::uint32_t triangle) const { return death_[triangle] == kNoIndex; }
+  bool has(std::uint32_t triangle, std::uint32_t point) const {
+    const glm::uvec3& corner = points_[triangle];
+    return corner.x == point || corner.y == point || corner.z == point;
+  }
   std::uint32_t alive_wedges() const { return alive_wedges_; }
   /// Of one point.
   std::uint32_t alive_wedges(std::uint32_t point) const {
@@ -59,17 +64,16 @@ class WedgeMesh {
   const std::vector<std::uint32_t>& death() const { return death_; }
 
   /// Fills `moves` for the collapse of a into b.
-  /// @param around       alive triangles of a
-  /// @param left, right  the triangles of edge ab, kNoIndex at a border
+  /// @param around  alive triangles of a
   void find_moves(std::uint32_t a, std::uint32_t b, std::span<const std::uint32_t> around,
-                  std::uint32_t left, std::uint32_t right, std::vector<WedgeMove>& moves) const;
+                  std::vector<WedgeMove>& moves) const;
 
   /// Does the collapse and records it as one step.
   void collapse(std::uint32_t a, std::uint32_t b, std::span<const std::uint32_t> around,
-                std::uint32_t left, std::uint32_t right, std::span<const WedgeMove> moves,
-                float error_m);
+                std::span<const WedgeMove> moves, float error_m);
 
-  /// Removes whole triangles, whose points keep no other, as one step. Their wedges go to `target`.
+  /// Removes whole triangles, whose points keep no other, as one step. Their wedges go to `target`,
+  /// which stays.
   void remove(std::span<const std::uint32_t> triangles, std::uint32_t target, float error_m);
 
  private:

@@ -134,30 +134,71 @@ TEST(CollapseTest, PosesKeepWhatBends) {
   EXPECT_GT(near_elbow(baked(bending)), near_elbow(baked(stiff)) + 8);
 }
 
+/// Adds the surface of another one-jointed character, scaled and moved.
+void append(SourceCharacter& source, const SourceCharacter& other, float scale,
+            const glm::vec3& at) {
+  const auto points = static_cast<std::uint32_t>(source.points.size());
+  const auto normals = static_cast<std::uint32_t>(source.normals.size());
+  const auto uvs = static_cast<std::uint32_t>(source.uvs.size());
+  for (SourcePoint point : other.points) {
+    point.position = point.position * scale + at;
+    source.points.push_back(point);
+  }
+  source.normals.insert(source.normals.end(), other.normals.begin(), other.normals.end());
+  source.uvs.insert(source.uvs.end(), other.uvs.begin(), other.uvs.end());
+  for (SourceTriangle triangle : other.triangles) {
+    for (SourceCorner& corner : triangle.corner) {
+      corner = {corner.point + points, corner.normal + normals, corner.uv + uvs};
+    }
+    source.triangles.push_back(triangle);
+  }
+}
+
+TEST(CollapseTest, PiecesThatOverlapGrowTogetherWithoutAGap) {
+  test::TubeOptions options;
+  options.height_m = 0.7F;
+  options.bulge = 0.5F;
+  SourceCharacter source = test::make_tube(options);
+  append(source, test::make_tube(options), 1.0F, {0.0F, 0.0F, 0.6F});
+  append(source, test::make_tube(options), 1.0F, {0.0F, 0.0F, 1.2F});
+  const render::Character character = baked(source);
+  for (const std::uint32_t n : {character.legal_count[28], character.legal_count[50]}) {
+    for (float z = 0.1F; z < 1.8F; z += 0.02F) {
+      bool is_covered = false;
+      for (const glm::uvec3& corner : test::triangles_at(character, n)) {
+        const float x = character.position[corner.x].z, y = character.position[corner.y].z,
+                    w = character.position[corner.z].z;
+        is_covered |= std::min({x, y, w}) <= z && z <= std::max({x, y, w});
+      }
+      EXPECT_TRUE(is_covered) << "at " << n << " vertices and z " << z;
+    }
+    test::expect_whole(character, n);
+    test::expect_closed(character, n);
+  }
+}
+
+TEST(CollapseTest, WhatIsHiddenGoesFirst) {
+  test::TubeOptions options;
+  options.bulge = 0.8F;
+  SourceCharacter source = test::make_tube(options);
+  append(source, test::make_tube(options), 0.5F, {0.0F, 0.0F, 0.45F});
+  const render::Character character = baked(source);
+  const std::uint32_t n = character.legal_count[character.vertex_count() / 6];
+  std::uint32_t inside = 0;
+  for (std::uint32_t i = 0; i < n; ++i) {
+    const glm::vec3& p = character.position[i];
+    inside += p.z > 0.4F && p.z < 1.4F && p.x * p.x + p.y * p.y < 0.08F * 0.08F ? 1 : 0;
+  }
+  EXPECT_LT(inside, n / 20);
+}
+
 TEST(CollapseTest, SmallPiecesVanishBeforeTheBodyIsLost) {
   test::TubeOptions body;
   body.bulge = 0.8F;
   SourceCharacter source = test::make_tube(body);
   // twenty buttons
-  for (int i = 0; i < 20; ++i) {
-    const auto points = static_cast<std::uint32_t>(source.points.size());
-    const auto normals = static_cast<std::uint32_t>(source.normals.size());
-    const auto uvs = static_cast<std::uint32_t>(source.uvs.size());
-    const SourceCharacter cube = test::make_cube();
-    for (SourcePoint point : cube.points) {
-      point.position =
-          point.position * 0.01F + glm::vec3(0.16F, 0, 0.2F + 0.07F * static_cast<float>(i));
-      source.points.push_back(point);
-    }
-    source.normals.insert(source.normals.end(), cube.normals.begin(), cube.normals.end());
-    source.uvs.insert(source.uvs.end(), cube.uvs.begin(), cube.uvs.end());
-    for (SourceTriangle triangle : cube.triangles) {
-      for (SourceCorner& corner : triangle.corner) {
-        corner = {corner.point + points, corner.normal + normals, corner.uv + uvs};
-      }
-      source.triangles.push_back(triangle);
-    }
-  }
+  for (int i = 0; i < 20; ++i)
+    append(source, test::make_cube(), 0.01F, {0.16F, 0, 0.2F + 0.07F * static_cast<float>(i)});
   const render::Character character = baked(source);
   EXPECT_LE(character.coarsest_count, 28U);
   for (const std::uint32_t n : test::legal_counts(character)) {

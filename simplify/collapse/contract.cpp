@@ -1,0 +1,337 @@
+#include "simplify/collapse/contract.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <tuple>
+
+namespace throng::simplify {
+namespace {
+
+// What the cost of a collapse (m^4 over the size squared) counts beside the pictures.
+constexpr float kGeometry = 3.0F;
+constexpr float kWorstPose = 0.35F;
+// Points of other pieces within this share of the size may merge; so many of them for each point.
+constexpr float kNearPiece = 0.08F;
+constexpr std::size_t kNearCount = 3;
+// A piece of so many points may vanish as a whole.
+constexpr std::size_t kSmallPiece = 16;
+constexpr int kMostTries = 24;  // pictures looked at for one step
+constexpr float kUnknown = -1.0e30F;
+
+struct Pair {
+  std::uint32_t a, b;  // a goes
+  float geometry = 0.0F;
+  float seen = kUnknown;  // change of the pictures, as far as known
+  float won = 1.0F;       // share of the cost, for the wedges that go
+  bool is_possible = false;
+
+  float key() const { return ((seen == kUnknown ? 0.0F : seen) + geometry) * won; }
+};
+
+class Contraction {
+ public:
+  Contraction(float size_m, PoseCost& poses, const AttributeCost& attributes, Views& views,
+              float& error_m, WedgeMesh& mesh)
+      : size_m_(size_m),
+        poses_(poses),
+        attributes_(attributes),
+        views_(views),
+        error_m_(error_m),
+        mesh_(mesh),
+        around_(mesh.surface().points.size()),
+        piece_(mesh.surface().points.size(), kNoIndex),
+        is_dirty_(mesh.surface().points.size(), true) {}
+
+  void run(std::uint32_t coarsest_count) {
+    look();
+    find_pairs();
+    while (mesh_.alive_wedges() > coarsest_count && step()) look();
+  }
+
+ private:
+  /// Lists what is alive.
+  void look() {
+    drawn_.clear();
+    triangle_.clear();
+    for (const std::uint32_t point : alive_) around_[point].clear();
+    alive_.clear();
+    for (std::uint32_t t = 0; t < mesh_.surface().triangles.size(); ++t) {
+      if (!mesh_.is_alive(t)) continue;
+      const auto index = static_cast<std::uint32_t>(triangle_.size());
+      triangle_.push_back(t);
+      drawn_.push_back({mesh_.points(t), mesh_.wedges(t), mesh_.surface().triangle_flags[t]});
+      for (int i = 0; i < 3; ++i) {
+        std::vector<std::uint32_t>& around = around_[mesh_.points(t)[i]];
+        if (around.empty()) alive_.push_back(mesh_.points(t)[i]);
+        around.push_back(index);
+      }
+    }
+    is_removed_.assign(triangle_.size(), false);
+    views_.set(drawn_);
+    find_pieces();
+  }
+
+  void find_pieces() {
+    pieces_.clear();
+    for (const std::uint32_t point : alive_) piece_[point] = kNoIndex;
+    std::vector<std::uint32_t> stack;
+    for (const std::uint32_t first : alive_) {
+      if (piece_[first] != kNoIndex) continue;
+      const auto number = static_cast<std::uint32_t>(pieces_.size());
+      pieces_.emplace_back();
+      piece_[first] = number;
+      stack.push_back(first);
+      while (!stack.empty()) {
+        const std::uint32_t point = stack.back();
+        stack.pop_back();
+        pieces_.back().push_back(point);
+        for (const std::uint32_t index : around_[point]) {
+          for (int i = 0; i < 3; ++i) {
+            const std::uint32_t other = drawn_[index].point[i];
+            if (piece_[other] != kNoIndex) continue;
+            piece_[other] = number;
+            stack.push_back(other);
+          }
+        }
+      }
+    }
+  }
+
+  void find_pairs() {
+    for (const Views::Drawn& drawn : drawn_) {
+      for (int i = 0; i < 3; ++i) {
+        pairs_.push_back({drawn.point[i], drawn.point[(i + 1) % 3]});
+        pairs_.push_back({drawn.point[(i + 1) % 3], drawn.point[i]});
+      }
+    }
+    const auto& points = mesh_.surface().points;
+    std::vector<std::pair<float, std::uint32_t>> near;
+    for (const std::uint32_t a : alive_) {
+      near.clear();
+      for (const std::uint32_t b : alive_) {
+        const glm::vec3 away = points[b].position - points[a].position;
+        const float squared = glm::dot(away, away);
+        if (piece_[a] != piece_[b] && squared < kNearPiece * kNearPiece * size_m_ * size_m_)
+          near.emplace_back(squared, b);
+      }
+      const std::size_t count = std::min(near.size(), kNearCount);
+      std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(count),
+                        near.end());
+      for (std::size_t i = 0; i < count; ++i) {
+        pairs_.push_back({a, near[i].second});
+        pairs_.push_back({near[i].second, a});
+      }
+    }
+    tidy_pairs();
+  }
+
+  void tidy_pairs() {
+    std::sort(pairs_.begin(), pairs_.end(),
+              [](const Pair& x, const Pair& y) { return std::tie(x.a, x.b) < std::tie(y.a, y.b); });
+    const auto end = std::unique(pairs_.begin(), pairs_.end(), [](const Pair& x, const Pair& y) {
+      return x.a == y.a && x.b == y.b;
+    });
+    pairs_.erase(end, pairs_.end());
+    std::erase_if(pairs_, [&](const Pair& pair) {
+      return pair.a == pair.b || around_[pair.a].empty() || around_[pair.b].empty();
+    });
+  }
+
+  std::vector<std::uint32_t> triangles_of(std::uint32_t point) const {
+    std::vector<std::uint32_t> list;
+    for (const std::uint32_t index : around_[point]) list.push_back(triangle_[index]);
+    return list;
+  }
+
+  void judge(Pair& pair) {
+    pair.seen = kUnknown;
+    // something of it must stay
+    const auto stays = [&](std::uint32_t point) {
+      return std::any_of(around_[point].begin(), around_[point].end(), [&](std::uint32_t index) {
+        return !mesh_.has(triangle_[index], pair.a) || !mesh_.has(triangle_[index], pair.b);
+      });
+    };
+    pair.is_possible =
+        !around_[pair.a].empty() && !around_[pair.b].empty() && (stays(pair.a) || stays(pair.b));
+    if (!pair.is_possible) return;
+    const std::vector<std::uint32_t> around = triangles_of(pair.a);
+    mesh_.find_moves(pair.a, pair.b, around, moves_);
+    const PoseCost::Cost cost = poses_.move_cost(pair.a, pair.b);
+    float geometry = (1.0F - kWorstPose) * cost.mean + kWorstPose * cost.largest +
+                     poses_.extent_cost(pair.a, pair.b, true) +
+                     poses_.area_m2(pair.a) * attributes_.joint_cost(pair.a, pair.b);
+    for (const std::uint32_t triangle : around) {
+      if (mesh_.has(triangle, pair.b)) continue;
+      const glm::uvec3& points = mesh_.points(triangle);
+      const std::uint32_t wedge = mesh_.wedges(triangle)[points.x == pair.a   ? 0
+                                                         : points.y == pair.a ? 1
+                                                                              : 2];
+      for (const WedgeMove& move : moves_) {
+        if (move.from == wedge)
+          geometry += attributes_.triangle_cost(triangle, pair.a, pair.b, move);
+      }
+    }
+    pair.geometry = kGeometry * geometry / (size_m_ * size_m_);
+    pair.won = 1.0F / static_cast<float>(std::max(1U, mesh_.alive_wedges(pair.a)));
+  }
+
+  /// Change of the pictures by a contraction.
+  float look_at(const Pair& pair, float limit) {
+    mesh_.find_moves(pair.a, pair.b, triangles_of(pair.a), moves_);
+    const std::vector<std::uint32_t>& changed = around_[pair.a];
+    saved_.clear();
+    for (const std::uint32_t index : changed) {
+      Views::Drawn& drawn = drawn_[index];
+      saved_.push_back(drawn);
+      if (mesh_.has(triangle_[index], pair.b)) {
+        is_removed_[index] = true;
+        continue;
+      }
+      for (int i = 0; i < 3; ++i) {
+        if (drawn.point[i] != pair.a) continue;
+        drawn.point[i] = pair.b;
+        for (const WedgeMove& move : moves_) {
+          if (move.from == saved_.back().wedge[i]) drawn.wedge[i] = move.to;
+        }
+      }
+    }
+    const float change = views_.change(drawn_, changed, is_removed_, limit);
+    for (std::size_t i = 0; i < changed.size(); ++i) {
+      drawn_[changed[i]] = saved_[i];
+      is_removed_[changed[i]] = false;
+    }
+    return change;
+  }
+
+  std::vector<std::uint32_t> triangles_of_piece(std::uint32_t piece) const {
+    std::vector<std::uint32_t> list;  // indices of what is drawn
+    for (std::uint32_t i = 0; i < drawn_.size(); ++i) {
+      if (piece_[drawn_[i].point.x] == piece) list.push_back(i);
+    }
+    return list;
+  }
+
+  /// Cheapest piece to vanish, and what it costs for each wedge that goes.
+  std::pair<std::uint32_t, float> cheapest_piece() {
+    std::pair<std::uint32_t, float> best{kNoIndex, std::numeric_limits<float>::max()};
+    if (pieces_.size() < 2) return best;
+    for (std::uint32_t piece = 0; piece < pieces_.size(); ++piece) {
+      if (pieces_[piece].size() > kSmallPiece) continue;
+      const std::vector<std::uint32_t> list = triangles_of_piece(piece);
+      std::uint32_t wedges = 0;
+      for (const std::uint32_t point : pieces_[piece]) wedges += mesh_.alive_wedges(point);
+      for (const std::uint32_t index : list) is_removed_[index] = true;
+      const float limit = best.second * static_cast<float>(wedges);
+      const float cost = views_.change(drawn_, list, is_removed_, limit) /
+                         static_cast<float>(std::max(1U, wedges));
+      for (const std::uint32_t index : list) is_removed_[index] = false;
+      if (cost < best.second) best = {piece, cost};
+    }
+    return best;
+  }
+
+  bool step() {
+    for (Pair& pair : pairs_) {
+      if (is_dirty_[pair.a] || is_dirty_[pair.b]) judge(pair);
+    }
+    for (const std::uint32_t point : alive_) is_dirty_[point] = false;
+    std::erase_if(pairs_, [](const Pair& pair) { return !pair.is_possible; });
+
+    // The cheapest by what is known; it is chosen when a look at the pictures doesn't change that.
+    Pair* best = nullptr;
+    float best_cost = std::numeric_limits<float>::max();
+    order_.resize(pairs_.size());
+    for (std::size_t i = 0; i < pairs_.size(); ++i) order_[i] = {pairs_[i].key(), i};
+    const std::size_t tries = std::min<std::size_t>(kMostTries, order_.size());
+    std::partial_sort(order_.begin(), order_.begin() + static_cast<std::ptrdiff_t>(tries),
+                      order_.end());
+    for (std::size_t i = 0; i < tries; ++i) {
+      Pair& pair = pairs_[order_[i].second];
+      if (order_[i].first >= best_cost) break;
+      pair.seen = look_at(pair, best_cost / pair.won);
+      if (pair.key() < best_cost) {
+        best = &pair;
+        best_cost = pair.key();
+      }
+    }
+    const auto [piece, piece_cost] = cheapest_piece();
+    if (piece != kNoIndex && piece_cost < best_cost) {
+      remove(piece);
+      return true;
+    }
+    if (best == nullptr) return false;
+    merge(best->a, best->b);
+    return true;
+  }
+
+  void merge(std::uint32_t a, std::uint32_t b) {
+    const std::vector<std::uint32_t> around = triangles_of(a);
+    mesh_.find_moves(a, b, around, moves_);
+    const PoseCost::Cost cost = poses_.move_cost(a, b);
+    if (poses_.area_m2(a) > 0.0F)
+      error_m_ = std::max(error_m_, std::sqrt(cost.largest / poses_.area_m2(a)));
+    for (const std::uint32_t point : {a, b}) {
+      for (const std::uint32_t index : around_[point]) {
+        for (int i = 0; i < 3; ++i) is_dirty_[drawn_[index].point[i]] = true;
+      }
+    }
+    mesh_.collapse(a, b, around, moves_, error_m_);
+    poses_.merge(a, b);
+    for (Pair& pair : pairs_) {
+      if (pair.a == a) pair.a = b;
+      if (pair.b == a) pair.b = b;
+    }
+    // `around_` still tells of the time before; what has gone is dropped when it is judged
+    around_[a].clear();
+    tidy_pairs();
+  }
+
+  void remove(std::uint32_t piece) {
+    const std::vector<std::uint32_t> list = triangles_of_piece(piece);
+    std::vector<std::uint32_t> triangles;
+    for (const std::uint32_t index : list) triangles.push_back(triangle_[index]);
+    const auto& points = mesh_.surface().points;
+    const glm::vec3 from = points[pieces_[piece].front()].position;
+    float least = std::numeric_limits<float>::max();
+    std::uint32_t target = kNoIndex;
+    for (const Views::Drawn& drawn : drawn_) {
+      const glm::vec3 away = points[drawn.point.x].position - from;
+      if (piece_[drawn.point.x] == piece || glm::dot(away, away) >= least) continue;
+      least = glm::dot(away, away);
+      target = drawn.wedge.x;
+    }
+    mesh_.remove(triangles, target, error_m_);
+    for (const std::uint32_t point : pieces_[piece]) around_[point].clear();
+    tidy_pairs();
+  }
+
+  float size_m_;
+  PoseCost& poses_;
+  const AttributeCost& attributes_;
+  Views& views_;
+  float& error_m_;
+  WedgeMesh& mesh_;
+  std::vector<std::uint32_t> alive_;                // points
+  std::vector<std::uint32_t> triangle_;             // alive ones
+  std::vector<Views::Drawn> drawn_;                 // as they are, same order
+  std::vector<bool> is_removed_;                    // while a change is tried
+  std::vector<std::vector<std::uint32_t>> around_;  // [P] into `triangle_`
+  std::vector<std::uint32_t> piece_;                // [P]
+  std::vector<std::vector<std::uint32_t>> pieces_;  // points
+  std::vector<Pair> pairs_;
+  std::vector<bool> is_dirty_;  // [P]
+  std::vector<std::pair<float, std::size_t>> order_;
+  std::vector<WedgeMove> moves_;
+  std::vector<Views::Drawn> saved_;
+};
+
+}  // namespace
+
+void contract(std::uint32_t coarsest_count, float size_m, PoseCost& poses,
+              const AttributeCost& attributes, Views& views, float& error_m, WedgeMesh& mesh) {
+  Contraction(size_m, poses, attributes, views, error_m, mesh).run(coarsest_count);
+}
+
+}  // namespace throng::simplify

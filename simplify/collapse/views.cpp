@@ -1,0 +1,271 @@
+#include "simplify/collapse/views.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "throng/render/asset.hpp"
+
+namespace throng::simplify {
+namespace {
+
+constexpr int kSize_px = 88;         // of a picture
+constexpr float kFigure_px = 64.0F;  // the longest side of the figure
+constexpr int kDirections = 4;       // for each pose
+constexpr std::uint32_t kMostPoses = 6;
+constexpr std::uint32_t kColorSize_px = 128;
+constexpr int kVisibilityScale = 4;  // pictures that count what is visible are larger
+// What an outline that moved counts on top of its colours, as a squared difference.
+constexpr float kCoverage = 0.15F;
+constexpr std::uint32_t kBackground = 0x00808080U;
+
+std::uint32_t pack(const glm::vec3& color) {
+  const glm::uvec3 c(glm::clamp(color, 0.0F, 1.0F) * 255.0F + 0.5F);
+  return c.x | (c.y << 8U) | (c.z << 16U) | 0xFF000000U;
+}
+
+float difference(std::uint32_t a, std::uint32_t b) {
+  if (a == b) return 0.0F;
+  int sum = 0;
+  for (unsigned shift = 0; shift < 24; shift += 8) {
+    const int d = static_cast<int>((a >> shift) & 255U) - static_cast<int>((b >> shift) & 255U);
+    sum += d * d;
+  }
+  return static_cast<float>(sum) / (3.0F * 255.0F * 255.0F) +
+         ((a ^ b) >> 24U != 0U ? kCoverage : 0.0F);
+}
+
+/// Calls `visit(x, y, w0, w1)` for the pixels whose centres are in the triangle.
+template <typename Visit>
+void for_pixels(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c, int x0, int y0, int x1,
+                int y1, Visit visit) {
+  x0 = std::max(x0, static_cast<int>(std::ceil(std::min({a.x, b.x, c.x}) - 0.5F)));
+  y0 = std::max(y0, static_cast<int>(std::ceil(std::min({a.y, b.y, c.y}) - 0.5F)));
+  x1 = std::min(x1, static_cast<int>(std::floor(std::max({a.x, b.x, c.x}) - 0.5F)) + 1);
+  y1 = std::min(y1, static_cast<int>(std::floor(std::max({a.y, b.y, c.y}) - 0.5F)) + 1);
+  if (x0 >= x1 || y0 >= y1) return;
+  const float inverse = 1.0F / ((b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x));
+  const float step0 = (b.y - c.y) * inverse, step1 = (c.y - a.y) * inverse;
+  for (int y = y0; y < y1; ++y) {
+    const float px = static_cast<float>(x0) + 0.5F, py = static_cast<float>(y) + 0.5F;
+    float w0 = ((b.x - px) * (c.y - py) - (b.y - py) * (c.x - px)) * inverse;
+    float w1 = ((c.x - px) * (a.y - py) - (c.y - py) * (a.x - px)) * inverse;
+    for (int x = x0; x < x1; ++x, w0 += step0, w1 += step1) {
+      if (w0 >= 0.0F && w1 >= 0.0F && w0 + w1 <= 1.0F) visit(x, y, w0, w1);
+    }
+  }
+}
+
+/// Twice the area in px, negative for a triangle that is turned to the viewer (rows count down).
+float doubled_area(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
+  return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
+}
+
+}  // namespace
+
+Views::Views(const PoseSet& poses, const WedgeMesh& mesh, float size_m)
+    : surface_(mesh.surface()), pixel_m_(size_m / kFigure_px), near_(kSize_px * kSize_px) {
+  const MipChain& image = surface_.base_color;
+  std::uint32_t width_px = image.width_px, height_px = image.height_px;
+  std::size_t offset = 0;
+  for (std::uint32_t level = 0; level < image.level_count; ++level) {
+    const std::size_t size = std::size_t{4} * width_px * height_px;
+    if (std::max(width_px, height_px) <= kColorSize_px || level + 1 == image.level_count) {
+      color_ = std::span(image.texels).subspan(offset, size);
+      color_width_px_ = width_px;
+      color_height_px_ = height_px;
+      break;
+    }
+    offset += size;
+    width_px = std::max(1U, width_px / 2);
+    height_px = std::max(1U, height_px / 2);
+  }
+
+  const std::size_t points = surface_.points.size();
+  const auto triangles = static_cast<std::uint32_t>(surface_.triangles.size());
+  for (std::uint32_t t = 0; t < triangles; ++t) {
+    drawn_.push_back({mesh.points(t), mesh.wedges(t), surface_.triangle_flags[t]});
+  }
+  // farthest-point sampling puts the most different poses first; the bind pose is seen by nobody
+  const std::uint32_t first = poses.count > 1 ? 1 : 0;
+  const std::uint32_t end = std::min(poses.count, first + kMostPoses);
+  for (std::uint32_t pose = first; pose < end; ++pose) {
+    const std::span at = std::span(poses.position).subspan(pose * points, points);
+    std::vector<glm::vec3> normal(surface_.wedge_count(), glm::vec3(0.0F));
+    glm::vec3 low(at[0]), high(at[0]);
+    for (const glm::vec3& p : at) {
+      low = glm::min(low, p);
+      high = glm::max(high, p);
+    }
+    for (const Drawn& t : drawn_) {
+      const glm::vec3 n = glm::cross(at[t.point.y] - at[t.point.x], at[t.point.z] - at[t.point.x]);
+      for (int i = 0; i < 3; ++i) normal[t.wedge[i]] += n;
+    }
+    for (int k = 0; k < kDirections; ++k) {
+      // every pose from other sides
+      const float turn = static_cast<float>(k) + 0.37F * static_cast<float>(pose - first);
+      const float azimuth_rad = 6.2831853F / kDirections * turn;
+      const float elevation_rad = k % 2 == 0 ? 0.15F : 0.45F;
+      const glm::vec3 towards(std::cos(elevation_rad) * std::cos(azimuth_rad),
+                              std::cos(elevation_rad) * std::sin(azimuth_rad),
+                              std::sin(elevation_rad));
+      const glm::vec3 right = glm::normalize(glm::cross(glm::vec3(0, 0, 1), towards));
+      const glm::vec3 up = glm::cross(towards, right);
+      const glm::vec3 light = glm::normalize(towards + 0.6F * right + 0.9F * up);
+      Picture picture;
+      picture.place.reserve(points);
+      for (const glm::vec3& p : at) {
+        const glm::vec3 d = (p - 0.5F * (low + high)) / pixel_m_;
+        picture.place.emplace_back(0.5F * kSize_px + glm::dot(d, right),
+                                   0.5F * kSize_px - glm::dot(d, up), glm::dot(d, towards));
+      }
+      for (const glm::vec3& n : normal) {
+        const float length = glm::length(n);
+        const float facing = length > 0.0F ? glm::dot(n, light) / length : 0.0F;
+        picture.shade.push_back(0.45F + 0.55F * std::max(0.0F, facing));
+      }
+      picture.reference.assign(std::size_t{kSize_px} * kSize_px, kBackground);
+      draw(picture, drawn_, nullptr, {0, 0, kSize_px, kSize_px}, picture.reference);
+      picture.now = picture.reference;
+      picture.error.assign(picture.now.size(), 0.0F);
+      pictures_.push_back(std::move(picture));
+    }
+  }
+}
+
+Views::Rect Views::box(const Picture& picture, const glm::uvec3& point) const {
+  const glm::vec3 &a = picture.place[point.x], &b = picture.place[point.y],
+                  &c = picture.place[point.z];
+  const auto clamped = [](float value) {
+    return static_cast<int>(std::clamp(value, 0.0F, static_cast<float>(kSize_px)));
+  };
+  return {clamped(std::min({a.x, b.x, c.x}) - 1.0F), clamped(std::min({a.y, b.y, c.y}) - 1.0F),
+          clamped(std::max({a.x, b.x, c.x}) + 2.0F), clamped(std::max({a.y, b.y, c.y}) + 2.0F)};
+}
+
+void Views::draw(const Picture& picture, std::span<const Drawn> triangles,
+                 const std::vector<bool>* removed, const Rect& rect,
+                 std::vector<std::uint32_t>& image) const {
+  for (int y = rect.y0; y < rect.y1; ++y) {
+    std::fill_n(near_.begin() + y * kSize_px + rect.x0, rect.x1 - rect.x0, -1.0e30F);
+    std::fill_n(image.begin() + y * kSize_px + rect.x0, rect.x1 - rect.x0, kBackground);
+  }
+  const auto texel = [](float value, std::uint32_t size) {
+    return static_cast<std::uint32_t>(
+        std::clamp(value * static_cast<float>(size), 0.0F, static_cast<float>(size) - 1.0F));
+  };
+  for (std::size_t t = 0; t < triangles.size(); ++t) {
+    if (removed != nullptr && (*removed)[t]) continue;
+    const Drawn& drawn = triangles[t];
+    const glm::vec3 &a = picture.place[drawn.point.x], &b = picture.place[drawn.point.y],
+                    &c = picture.place[drawn.point.z];
+    const float area = doubled_area(a, b, c);
+    if (area == 0.0F) continue;
+    if (area > 0.0F && (drawn.flags & render::kTriangleDoubleSided) == 0) continue;
+    const glm::vec2 &ua = surface_.wedge_uv[drawn.wedge.x], &ub = surface_.wedge_uv[drawn.wedge.y],
+                    &uc = surface_.wedge_uv[drawn.wedge.z];
+    const float sa = picture.shade[drawn.wedge.x], sb = picture.shade[drawn.wedge.y],
+                sc = picture.shade[drawn.wedge.z];
+    for_pixels(a, b, c, rect.x0, rect.y0, rect.x1, rect.y1, [&](int x, int y, float w0, float w1) {
+      const float w2 = 1.0F - w0 - w1;
+      const float nearness = w0 * a.z + w1 * b.z + w2 * c.z;
+      const std::size_t pixel = static_cast<std::size_t>(y) * kSize_px + x;
+      if (nearness <= near_[pixel]) return;
+      glm::vec3 color(0.8F);
+      if (!color_.empty()) {
+        const glm::vec2 uv = w0 * ua + w1 * ub + w2 * uc;
+        const std::uint8_t* at =
+            &color_[4 * (std::size_t{texel(uv.y, color_height_px_)} * color_width_px_ +
+                         texel(uv.x, color_width_px_))];
+        if (at[3] < 128 && (drawn.flags & render::kTriangleAlphaCutout) != 0) return;
+        color = glm::vec3(at[0], at[1], at[2]) / 255.0F;
+      }
+      near_[pixel] = nearness;
+      image[pixel] = pack(color * (w0 * sa + w1 * sb + w2 * sc));
+    });
+  }
+}
+
+std::vector<float> Views::visibility(const WedgeMesh& mesh) const {
+  constexpr int kWide_px = kSize_px * kVisibilityScale;
+  const auto triangles = static_cast<std::uint32_t>(surface_.triangles.size());
+  std::vector<float> seen(triangles, 0.0F), turned(triangles, 0.0F);
+  std::vector<float> near(std::size_t{kWide_px} * kWide_px);
+  std::vector<std::uint32_t> who(near.size());
+  for (const Picture& picture : pictures_) {
+    std::fill(near.begin(), near.end(), -1.0e30F);
+    std::fill(who.begin(), who.end(), kNoIndex);
+    for (std::uint32_t t = 0; t < triangles; ++t) {
+      glm::vec3 p[3];
+      for (int i = 0; i < 3; ++i)
+        p[i] = picture.place[mesh.points(t)[i]] * static_cast<float>(kVisibilityScale);
+      const float area = doubled_area(p[0], p[1], p[2]);
+      const bool is_back = area > 0.0F;
+      if (area == 0.0F || (is_back && (surface_.triangle_flags[t] & 1U) == 0)) continue;
+      turned[t] += 0.5F * std::fabs(area);
+      for_pixels(p[0], p[1], p[2], 0, 0, kWide_px, kWide_px, [&](int x, int y, float w0, float w1) {
+        const float nearness = w0 * p[0].z + w1 * p[1].z + (1.0F - w0 - w1) * p[2].z;
+        const std::size_t pixel = static_cast<std::size_t>(y) * kWide_px + x;
+        if (nearness <= near[pixel]) return;
+        near[pixel] = nearness;
+        who[pixel] = t;
+      });
+    }
+    for (const std::uint32_t t : who) {
+      if (t != kNoIndex) seen[t] += 1.0F;
+    }
+  }
+  // a triangle smaller than a pixel is seen by chance, so it is judged with what is around it
+  std::vector<glm::vec2> around(surface_.points.size(), glm::vec2(0.0F));
+  for (std::uint32_t t = 0; t < triangles; ++t) {
+    for (int i = 0; i < 3; ++i) around[mesh.points(t)[i]] += glm::vec2(seen[t], turned[t]);
+  }
+  std::vector<float> share(triangles, 1.0F);
+  for (std::uint32_t t = 0; t < triangles; ++t) {
+    const glm::vec2 sum =
+        around[mesh.points(t).x] + around[mesh.points(t).y] + around[mesh.points(t).z];
+    if (sum.y > 0.0F) share[t] = std::min(1.0F, sum.x / sum.y);
+  }
+  return share;
+}
+
+void Views::set(std::span<const Drawn> triangles) {
+  drawn_.assign(triangles.begin(), triangles.end());
+  for (Picture& picture : pictures_) {
+    draw(picture, drawn_, nullptr, {0, 0, kSize_px, kSize_px}, picture.now);
+    for (std::size_t i = 0; i < picture.now.size(); ++i)
+      picture.error[i] = difference(picture.now[i], picture.reference[i]);
+  }
+}
+
+float Views::change(std::span<const Drawn> triangles, std::span<const std::uint32_t> changed,
+                    const std::vector<bool>& removed, float limit) const {
+  const float scale = pixel_m_ * pixel_m_ / static_cast<float>(pictures_.size());
+  image_.resize(near_.size());
+  float sum = 0.0F;
+  for (const Picture& picture : pictures_) {
+    Rect rect{kSize_px, kSize_px, 0, 0};
+    for (const std::uint32_t t : changed) {
+      for (const glm::uvec3& point : {drawn_[t].point, triangles[t].point}) {
+        const Rect each = box(picture, point);
+        rect = {std::min(rect.x0, each.x0), std::min(rect.y0, each.y0), std::max(rect.x1, each.x1),
+                std::max(rect.y1, each.y1)};
+      }
+    }
+    if (rect.x0 >= rect.x1 || rect.y0 >= rect.y1) continue;
+    draw(picture, triangles, &removed, rect, image_);
+    float error = 0.0F;
+    for (int y = rect.y0; y < rect.y1; ++y) {
+      for (int x = rect.x0; x < rect.x1; ++x) {
+        const std::size_t pixel = static_cast<std::size_t>(y) * kSize_px + x;
+        if (image_[pixel] == picture.now[pixel]) continue;
+        error += difference(image_[pixel], picture.reference[pixel]) - picture.error[pixel];
+      }
+    }
+    sum += error * scale;
+    // other pictures may win something back, but hardly as much
+    if (sum > 2.0F * limit) return sum;
+  }
+  return sum;
+}
+
+}  // namespace throng::simplify

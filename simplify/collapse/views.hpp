@@ -1,0 +1,69 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "simplify/collapse/collapse.hpp"
+#include "simplify/collapse/wedges.hpp"
+
+namespace throng::simplify {
+
+/// Small pictures of a surface, from all around in some of its poses: what a change is to the eye
+/// (image-driven simplification, Lindstrom & Turk 2000). They know what quadrics can't: what hides
+/// what, where a gap shows the background, whether texture that slid is of one colour anyway.
+class Views {
+ public:
+  /// A triangle as it is drawn now.
+  struct Drawn {
+    glm::uvec3 point, wedge;
+    std::uint8_t flags;
+  };
+
+  Views(const PoseSet& poses, const WedgeMesh& mesh, float size_m);
+
+  /// How much of each triangle [T] the pictures show of what is turned to the viewer: 0 for the
+  /// inside of a mouth, up to 1. Neighbours are averaged.
+  std::vector<float> visibility(const WedgeMesh& mesh) const;
+
+  /// Takes these triangles for what is drawn now.
+  void set(std::span<const Drawn> triangles);
+
+  /// By how much the mean error over the pictures would grow, in m^2 on the picture plane (an area
+  /// that differs by all there is in colour), if `triangles`, which differ from the ones that were
+  /// set at `changed` only, were drawn. Gives up, with any value above it, beyond `limit`.
+  /// @param removed  of `changed`: those that aren't drawn any more
+  float change(std::span<const Drawn> triangles, std::span<const std::uint32_t> changed,
+               const std::vector<bool>& removed,
+               float limit = std::numeric_limits<float>::max()) const;
+
+ private:
+  struct Rect {
+    int x0, y0, x1, y1;  // pixels, x1 and y1 excluded
+  };
+  struct Picture {
+    std::vector<glm::vec3> place;               // [P] pixels right and down, and nearness
+    std::vector<float> shade;                   // [C]
+    std::vector<std::uint32_t> reference, now;  // r g b a of what is seen
+    std::vector<float> error;                   // of `now`
+  };
+
+  Rect box(const Picture& picture, const glm::uvec3& point) const;
+  void draw(const Picture& picture, std::span<const Drawn> triangles,
+            const std::vector<bool>* removed, const Rect& rect,
+            std::vector<std::uint32_t>& image) const;
+
+  const Surface& surface_;
+  float pixel_m_ = 1.0F;
+  std::uint32_t color_width_px_ = 0, color_height_px_ = 0;
+  std::span<const std::uint8_t> color_;  // a small mip level
+  std::vector<Picture> pictures_;
+  std::vector<Drawn> drawn_;                  // as set
+  mutable std::vector<float> near_;           // depth buffer
+  mutable std::vector<std::uint32_t> image_;  // of a change
+};
+
+}  // namespace throng::simplify
