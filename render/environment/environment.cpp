@@ -133,6 +133,10 @@ absl::StatusOr<Character> piece_of(const Corners& corners, std::size_t number) {
 
 }  // namespace
 
+absl::Status check_environment(const std::string& wkt, const glm::dvec3& origin_world) {
+  return check_area(wkt, glm::dvec2(origin_world));
+}
+
 absl::StatusOr<std::shared_ptr<const Environment>> make_environment(
     const std::string& wkt, const glm::dvec3& origin_world, const EnvironmentOptions& options) {
   for (const auto& [name, value_m] : {std::pair{"wall_height_m", options.wall_height_m},

@@ -14,7 +14,7 @@ namespace throng::render {
 namespace {
 
 constexpr double kFarthestM = 1e7;
-constexpr int kMostPoints = 200'000;
+constexpr int kMostPoints = 50'000;
 
 /// A GEOS context that keeps what it complains about.
 class Geos {
@@ -105,15 +105,13 @@ void add_edges(const Geos& geos, const GEOSGeometry* ring, bool is_hole, const g
   }
 }
 
-}  // namespace
-
-absl::StatusOr<Footprint> solids_around(const std::string& wkt, const glm::dvec2& origin_m,
-                                        double thickness_m) {
-  const Geos geos;
+/// Reads polygons and checks all that is quickly checked.
+absl::StatusOr<Geometry> read_area(const Geos& geos, const std::string& wkt,
+                                   const glm::dvec2& origin_m) {
   const std::unique_ptr<GEOSWKTReader, std::function<void(GEOSWKTReader*)>> reader(
       GEOSWKTReader_create_r(geos.get()),
       [&geos](GEOSWKTReader* r) { GEOSWKTReader_destroy_r(geos.get(), r); });
-  const Geometry read = own(geos, GEOSWKTReader_read_r(geos.get(), reader.get(), wkt.c_str()));
+  Geometry read = own(geos, GEOSWKTReader_read_r(geos.get(), reader.get(), wkt.c_str()));
   if (read == nullptr) return geos.error("is not WKT");
 
   // limits before anything that takes time
@@ -144,11 +142,26 @@ absl::StatusOr<Footprint> solids_around(const std::string& wkt, const glm::dvec2
   });
   if (!inside.ok()) return inside;
   if (polygons == 0) return geos.error("has no polygon");
+  return read;
+}
+
+}  // namespace
+
+absl::Status check_area(const std::string& wkt, const glm::dvec2& origin_m) {
+  const Geos geos;
+  return read_area(geos, wkt, origin_m).status();
+}
+
+absl::StatusOr<Footprint> solids_around(const std::string& wkt, const glm::dvec2& origin_m,
+                                        double thickness_m) {
+  const Geos geos;
+  const auto read = read_area(geos, wkt, origin_m);
+  if (!read.ok()) return read.status();
 
   // polygons that overlap or touch are one area
-  Geometry valid = own(geos, GEOSisValid_r(geos.get(), read.get()) == 1
-                                 ? GEOSGeom_clone_r(geos.get(), read.get())
-                                 : GEOSMakeValid_r(geos.get(), read.get()));
+  Geometry valid = own(geos, GEOSisValid_r(geos.get(), read->get()) == 1
+                                 ? GEOSGeom_clone_r(geos.get(), read->get())
+                                 : GEOSMakeValid_r(geos.get(), read->get()));
   if (valid == nullptr) return geos.error("can't be repaired");
   const Geometry area = own(geos, GEOSUnaryUnion_r(geos.get(), valid.get()));
   double area_m2 = 0.0;

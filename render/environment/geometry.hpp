@@ -16,6 +16,9 @@ struct Footprint {
   std::vector<std::array<glm::dvec2, 2>> edges;
 };
 
+/// Reads the polygons and checks what is quickly checked. Errors as of make_environment.
+absl::Status check_area(const std::string& wkt, const glm::dvec2& origin_m);
+
 /// What is solid around a walkable area: a band of `thickness_m` outside of it, and its holes.
 /// Errors as of make_environment.
 absl::StatusOr<Footprint> solids_around(const std::string& wkt, const glm::dvec2& origin_m,

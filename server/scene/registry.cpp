@@ -171,6 +171,16 @@ absl::Status Publication::set_walkable_area(std::string wkt) {
     return absl::ResourceExhaustedError(absl::StrCat("environment.walkable_area_wkt: ", wkt.size(),
                                                      " bytes, at most ", max_environment_bytes_));
   }
+  std::shared_ptr<render::Crowd> crowd;
+  {
+    const std::lock_guard lock(crowd_->mutex_);
+    if (crowd_->owner_ != id_) return absl::OkStatus();
+    crowd = crowd_->crowd_;
+  }
+  if (absl::Status status = environments_->build(crowd_->name(), crowd, wkt); !status.ok()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("environment.walkable_area_wkt: ", status.message()));
+  }
   const std::lock_guard lock(crowd_->mutex_);
   if (crowd_->owner_ == id_) crowd_->walkable_area_wkt_ = std::move(wkt);
   return absl::OkStatus();
@@ -231,7 +241,8 @@ absl::StatusOr<std::unique_ptr<Publication>> Registry::start(StartRequest reques
       named->late_frames_ = 0;
     }
     named->start_ = std::move(request);
-    publication.reset(new Publication(now_, limits_.max_environment_bytes, named, named->owner_));
+    publication.reset(
+        new Publication(now_, limits_.max_environment_bytes, environments_, named, named->owner_));
     crowds_[named->name()] = named;
   }
   // Outside the locks: it ends a stream, which may let go of that stream's publication.

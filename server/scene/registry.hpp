@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "server/scene/environment_builder.hpp"
 #include "server/scene/limits.hpp"
 #include "server/scene/overview.hpp"
 #include "server/scene/playout_clock.hpp"
@@ -99,7 +100,7 @@ class NamedCrowd {
   std::string walkable_area_wkt_;
   std::uint64_t incomplete_frames_ = 0;
   std::uint64_t late_frames_ = 0;  // that never reached crowd_
-  std::uint64_t owner_ = 0;  // publication that feeds the crowd, 0: none
+  std::uint64_t owner_ = 0;        // publication that feeds the crowd, 0: none
   std::function<void()> on_revoked_;
 };
 
@@ -119,21 +120,26 @@ class Publication {
   /// A frame that was late by its index and so was never pushed.
   void count_late();
   void count_incomplete();
+  /// Raises walls around the area, soon. Errors as render::check_environment; ResourceExhausted for
+  /// a text that is too long.
   absl::Status set_walkable_area(std::string wkt);
   std::uint32_t viewers() const { return crowd_->viewers(); }
   const std::string& crowd_name() const { return crowd_->name(); }
 
  private:
   friend class Registry;
-  Publication(Now now, std::uint32_t max_environment_bytes, std::shared_ptr<NamedCrowd> crowd,
+  Publication(Now now, std::uint32_t max_environment_bytes,
+              std::shared_ptr<EnvironmentBuilder> environments, std::shared_ptr<NamedCrowd> crowd,
               std::uint64_t id)
       : now_(std::move(now)),
         max_environment_bytes_(max_environment_bytes),
+        environments_(std::move(environments)),
         crowd_(std::move(crowd)),
         id_(id) {}
 
   Now now_;
   std::uint32_t max_environment_bytes_;
+  std::shared_ptr<EnvironmentBuilder> environments_;
   std::shared_ptr<NamedCrowd> crowd_;
   std::uint64_t id_;
 };
@@ -163,6 +169,7 @@ class Registry {
   const Limits& limits() const { return limits_; }
 
  private:
+  std::shared_ptr<EnvironmentBuilder> environments_ = std::make_shared<EnvironmentBuilder>();
   std::shared_ptr<const render::Cast> cast_;
   Limits limits_;
   PlayoutSettings playout_;

@@ -43,6 +43,7 @@ void fail(Recipients& to, const absl::Status& status) {
 /// What decides every pixel of a frame.
 struct FrameKey {
   std::weak_ptr<const render::Crowd> crowd;  // weak: a cache must not keep a history alive
+  std::weak_ptr<const render::Environment> environment;
   std::int64_t scene_time_us = 0;
   std::int64_t newest_time_us = 0;
   bool live = false;
@@ -52,6 +53,7 @@ struct FrameKey {
 bool equal(const FrameKey& a, const FrameKey& b) {
   return a.scene_time_us == b.scene_time_us && a.newest_time_us == b.newest_time_us &&
          a.live == b.live && !a.crowd.owner_before(b.crowd) && !b.crowd.owner_before(a.crowd) &&
+         !a.environment.owner_before(b.environment) && !b.environment.owner_before(a.environment) &&
          same_picture(a.view, b.view);
 }
 
@@ -294,6 +296,7 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   // The same picture again?
   FrameKey key;
   key.crowd = moment.crowd;
+  key.environment = moment.crowd->environment();
   key.scene_time_us = scene_time_us;
   key.newest_time_us = moment.newest_time_us;
   key.live = moment.live;

@@ -178,6 +178,9 @@ TEST_F(RegistryTest, RefusesAWalkableAreaThatIsTooLong) {
   EXPECT_TRUE(producer->set_walkable_area("POLYGON ((0 0, 1 0, 1 1, 0 0))").ok());
   EXPECT_EQ(producer->set_walkable_area(std::string(limits.max_environment_bytes + 1, ' ')).code(),
             absl::StatusCode::kResourceExhausted);
+  const absl::Status bad = producer->set_walkable_area("POLYGON ((0 0, 1 0");
+  EXPECT_EQ(bad.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_NE(bad.message().find("environment.walkable_area_wkt"), std::string::npos) << bad;
   EXPECT_EQ(registry.list().at(0).walkable_area_wkt, "POLYGON ((0 0, 1 0, 1 1, 0 0))");
 }
 

@@ -1,0 +1,70 @@
+#include "server/scene/environment_builder.hpp"
+
+#include <spdlog/spdlog.h>
+
+#include <utility>
+
+#include "throng/render/environment.hpp"
+
+namespace throng::server {
+
+EnvironmentBuilder::EnvironmentBuilder() : thread_([this] { run(); }) {}
+
+EnvironmentBuilder::~EnvironmentBuilder() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  changed_.notify_all();
+  thread_.join();
+}
+
+absl::Status EnvironmentBuilder::build(const std::string& name,
+                                       const std::shared_ptr<render::Crowd>& crowd,
+                                       std::string wkt) {
+  if (wkt.empty()) {
+    crowd->set_environment(nullptr);
+  } else if (absl::Status status = render::check_environment(wkt, crowd->settings().origin_world);
+             !status.ok()) {
+    return status;
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    std::erase_if(jobs_, [&](const Job& job) { return job.crowd.lock() == crowd; });
+    if (wkt.empty()) return absl::OkStatus();
+    jobs_.push_back({name, crowd, std::move(wkt)});
+  }
+  changed_.notify_all();
+  return absl::OkStatus();
+}
+
+void EnvironmentBuilder::wait_idle() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [this] { return jobs_.empty() && !is_building_; });
+}
+
+void EnvironmentBuilder::run() {
+  std::unique_lock lock(mutex_);
+  while (true) {
+    changed_.wait(lock, [this] { return stop_ || !jobs_.empty(); });
+    if (stop_) return;
+    const Job job = std::move(jobs_.front());
+    jobs_.pop_front();
+    is_building_ = true;
+    lock.unlock();
+    if (const std::shared_ptr<render::Crowd> crowd = job.crowd.lock()) {
+      auto made = render::make_environment(job.wkt, crowd->settings().origin_world);
+      if (made.ok()) {
+        crowd->set_environment(*std::move(made));
+      } else {
+        spdlog::warn("event=no_walls crowd={} error=\"{}\"", job.name,
+                     std::string(made.status().message()));
+      }
+    }
+    lock.lock();
+    is_building_ = false;
+    changed_.notify_all();
+  }
+}
+
+}  // namespace throng::server
