@@ -27,7 +27,7 @@ absl::Status run_all(const Common& common, const std::string& folder) {
   const auto keep = [&first](const absl::Status& status) { first.Update(status); };
 
   PaperOptions paper;
-  paper.frames = 20;
+  paper.frames = 10;
   keep(run("paper", {1280, 720}, [&](const Common& own) {
     paper.quality_places = 2;
     return run_paper(own, paper);
@@ -37,6 +37,7 @@ absl::Status run_all(const Common& common, const std::string& folder) {
     gl.frames = 2;
     gl.raster = render::RasterKind::kGl;
     gl.equal_triangles = false;
+    gl.forms = {kBatched};
     return run_paper(own, gl);
   }));
   keep(run("figure7", {1280, 720}, [](const Common& own) {

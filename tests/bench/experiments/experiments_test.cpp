@@ -134,7 +134,8 @@ Ran run(const std::string& arguments) {
 TEST(ProgramTest, RefusesBadFlagsByName) {
   if (!is_there(kProgram)) GTEST_SKIP() << "throng-bench is not built";
   for (const char* bad : {"--frames 0", "--size 10", "--size 0x5", "--raster soft", "--budgets x",
-                          "--agents -3", "--lod none", "--no-such-flag"}) {
+                          "--agents -3", "--lod none", "--geometry loose", "--pose none",
+                          "--geometry fused --raster gl", "--no-such-flag"}) {
     const Ran ran = run(std::string("paper ") + bad);
     EXPECT_EQ(ran.code, 2) << bad << ": " << ran.output;
     EXPECT_THAT(ran.output, HasSubstr(std::string(bad).substr(0, std::string(bad).find(' '))));
@@ -167,7 +168,9 @@ TEST(ProgramTest, PaperWritesEveryColumn) {
   for (const char* key : {"processor", "cores", "instructions", "commit"}) {
     EXPECT_TRUE(json["machine"].contains(key)) << key;
   }
-  ASSERT_EQ(json["rows"].size(), 1u);
+  ASSERT_EQ(json["rows"].size(), 2u);
+  EXPECT_EQ(json["rows"][0]["geometry"], "fused, shared");
+  EXPECT_EQ(json["rows"][1]["geometry"], "batched, exact");
   const nlohmann::json& row = json["rows"][0];
   EXPECT_EQ(row["budget_million"], 0.05);
   EXPECT_EQ(row["frames"], 2);
@@ -237,7 +240,8 @@ TEST(ProgramTest, QualityRisesWithTheBudget) {
   const test::TemporaryFolder folder;
   const std::string file = folder.file("quality.json");
   const Ran ran =
-      run("quality --agents 20 --budgets 0.001 --places 1 --size 160x90 --json " + file);
+      run("quality --agents 20 --budgets 0.001 --places 1 --size 160x90 --geometry fused --json " +
+          file);
   ASSERT_EQ(ran.code, 0) << ran.output;
   std::ifstream stream(file);
   const nlohmann::json json = nlohmann::json::parse(stream, nullptr, false);

@@ -87,7 +87,7 @@ bool parse_size(const std::string& text, render::Viewport& viewport) {
 }
 
 struct Flags {
-  std::string cast, size, raster = "visibility", lod;
+  std::string cast, size, raster = "visibility", lod, geometry, pose;
   bool no_shadows = false;
   Common common;
   PaperOptions paper;
@@ -130,6 +130,16 @@ void add_crowd(CLI::App& command, Flags& flags, std::uint32_t& agents,
       .add_option("--lod", flags.lod,
                   "Rule that deals out the budget (default: paper dong2019, quality budget)")
       ->check(CLI::IsMember({"budget", "dong2019"}));
+  command
+      .add_option("--geometry", flags.geometry,
+                  "batched (the published method), fused, or both in turns (default: both, gl and "
+                  "cuda batched)")
+      ->check(CLI::IsMember({"batched", "fused", "both"}));
+  command
+      .add_option("--pose", flags.pose,
+                  "exact: each agent its own; shared: far ones alike (default: batched exact, "
+                  "fused shared)")
+      ->check(CLI::IsMember({"exact", "shared"}));
   command.add_option("--camera", camera_path, "Camera path (default: the bench's own)")
       ->type_name("FILE");
 }
@@ -261,6 +271,25 @@ int run(int argc, char** argv) {
     return usage("--size: '" + flags.size + "' must be WxH with 1 to 16384 px a side");
   }
   flags.paper.compute = compute == "cuda" ? render::BackendKind::kCuda : render::BackendKind::kCpu;
+  const bool only_batched = flags.raster == "gl" || compute == "cuda";
+  if (flags.geometry.empty()) flags.geometry = only_batched ? "batched" : "both";
+  if (flags.geometry != "batched" && flags.raster == "gl") {
+    return usage("--geometry: '" + flags.geometry + "' must be batched with --raster gl");
+  }
+  std::vector<Form> forms;
+  if (flags.geometry != "batched") forms.push_back(kFused);
+  if (flags.geometry != "fused") forms.push_back(kBatched);
+  for (Form& form : forms) {
+    const bool fused = form.geometry == render::GeometryKind::kFused;
+    if (flags.pose == "exact") {
+      form.pose = render::PoseMode::kExact;
+      form.name = fused ? "fused, exact" : "batched, exact";
+    } else if (flags.pose == "shared") {
+      form.pose = render::PoseMode::kShared;
+      form.name = fused ? "fused, shared" : "batched, shared";
+    }
+  }
+  flags.paper.forms = flags.quality.forms = forms;
   flags.paper.raster = flags.quality.raster =
       flags.raster == "gl" ? render::RasterKind::kGl : render::RasterKind::kVisibility;
   if (!flags.lod.empty()) {

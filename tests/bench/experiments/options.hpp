@@ -21,12 +21,26 @@ struct Common {
   std::string json;  // file, empty: none
 };
 
+/// What crosses from compute to the rasterizer.
+struct Form {
+  const char* name;
+  render::GeometryKind geometry;
+  render::PoseMode pose;
+};
+/// The published method: each agent in its own pose, all of them in one batched buffer.
+inline constexpr Form kBatched{"batched, exact", render::GeometryKind::kBatched,
+                               render::PoseMode::kExact};
+/// What throng does where the rasterizer takes it: far agents share posed meshes.
+inline constexpr Form kFused{"fused, shared", render::GeometryKind::kFused,
+                             render::PoseMode::kShared};
+
 struct PaperOptions {
   std::uint32_t agents = 30000;
   std::vector<double> budgets_million{1, 5, 10, 15, 20};
   std::uint32_t frames = 100;  // of the walkthrough's 1,000, evenly spread
   render::BackendKind compute = render::BackendKind::kCpu;
   render::RasterKind raster = render::RasterKind::kVisibility;
+  std::vector<Form> forms{kFused, kBatched};
   render::LodRule lod = render::LodRule::kDong2019;
   std::uint32_t quality_places = 0;  // of the walkthrough where quality is judged as well
   bool equal_triangles = true;       // also at the triangles of the paper's rows
@@ -57,6 +71,7 @@ struct QualityOptions {
   std::vector<double> budgets_million{0.1, 0.25, 0.5, 1, 2};
   std::uint32_t places = 4;  // of the walkthrough, two consecutive frames each
   render::RasterKind raster = render::RasterKind::kVisibility;
+  std::vector<Form> forms{kFused, kBatched};
   render::LodRule lod = render::LodRule::kBudget;
   bool shadows = true;
   std::string pictures;  // folder, empty: none

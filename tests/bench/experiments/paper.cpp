@@ -30,6 +30,7 @@ constexpr PaperRow kPaper[] = {{1, 47.91, 1.88, 9.70, 5.20, 0.68, 2.87, 26.06},
                                {20, 18.71, 23.13, 27.73, 26.23, 0.68, 12.52, 42.85}};
 
 struct Config {
+  std::size_t form = 0;  // of the options' forms
   double budget_million = 0;
   const PaperRow* paper = nullptr;  // what it is compared with
   bool equal_triangles = false;     // its budget was chosen for the paper's triangles
@@ -42,11 +43,16 @@ absl::Status measure_all(const Common& common, const PaperOptions& options,
                          std::vector<Config>& configs) {
   auto walkthrough = Walkthrough::make(common.cast, options.agents, options.camera_path);
   if (!walkthrough.ok()) return walkthrough.status();
-  auto pipeline = render::FramePipeline::make(common.cast, {.backend = options.compute,
-                                                            .raster = options.raster,
-                                                            .threads = common.threads,
-                                                            .measure_cpu_times = true});
-  if (!pipeline.ok()) return pipeline.status();
+  std::vector<std::unique_ptr<render::FramePipeline>> pipelines;
+  for (const Form& form : options.forms) {
+    auto pipeline = render::FramePipeline::make(common.cast, {.backend = options.compute,
+                                                              .raster = options.raster,
+                                                              .threads = common.threads,
+                                                              .measure_cpu_times = true,
+                                                              .geometry = form.geometry});
+    if (!pipeline.ok()) return pipeline.status();
+    pipelines.push_back(*std::move(pipeline));
+  }
 
   render::ViewSettings view;
   view.viewport = common.viewport;
@@ -62,60 +68,70 @@ absl::Status measure_all(const Common& common, const PaperOptions& options,
     std::int64_t time_us = Walkthrough::time_us(frame);
     for (Config& config : configs) {
       view.selection.vertex_budget = static_cast<std::uint64_t>(config.budget_million * 1e6);
+      view.pose_mode = options.forms[config.form].pose;
+      render::FramePipeline& pipeline = *pipelines[config.form];
       if (i == 0) {
         // buffers grow and caches fill once
         Measured unused;
-        if (absl::Status status = measure_frame(**pipeline, walkthrough->crowd(), time_us++, view,
+        if (absl::Status status = measure_frame(pipeline, walkthrough->crowd(), time_us++, view,
                                                 jpeg, picture, unused);
             !status.ok()) {
           return status;
         }
       }
       // a microsecond later each time: instances of a time that was drawn before are kept
-      if (absl::Status status = measure_frame(**pipeline, walkthrough->crowd(), time_us++, view,
-                                              jpeg, picture, config.measured);
+      if (absl::Status status = measure_frame(pipeline, walkthrough->crowd(), time_us++, view, jpeg,
+                                              picture, config.measured);
           !status.ok()) {
         return status;
       }
-      progress.step(absl::StrFormat("N = %g M, %.1f ms", config.budget_million,
+      progress.step(absl::StrFormat("%s, N = %.3g M, %.1f ms", options.forms[config.form].name,
+                                    config.budget_million,
                                     config.measured.wall_ms.sum / config.measured.frames));
     }
   }
   return absl::OkStatus();
 }
 
-std::string times(double ours, double theirs) {
-  return theirs > 0 && ours > 0 ? fixed(ours / theirs, 2) : "-";
-}
-
-void print_table(const std::vector<Config>& configs, bool equal_triangles) {
-  Table table({"N (M)", "fps", "fps / paper's", "Mtri min", "max", "avg", "avg, paper",
-               "cull+select ms", "paper", "generate ms", "paper", "raster ms", "paper", "frame ms",
-               "frame CPU ms", "JPEG CPU ms"});
+void print_table(const std::vector<Config>& configs, std::size_t form, bool equal_triangles) {
+  Table speed({"N (M)", "fps / paper's", "fps", "paper", "frame ms", "frame CPU ms", "Mtri min",
+               "max", "avg", "avg, paper", "JPEG CPU ms"});
+  Table stages({"N (M)", "cull+select ms", "CPU ms", "paper", "LOD mesh generation ms", "CPU ms",
+                "paper", "raster ms", "CPU ms", "paper"});
   for (const Config& config : configs) {
-    if (config.equal_triangles != equal_triangles || config.measured.frames == 0) continue;
+    if (config.form != form || config.equal_triangles != equal_triangles ||
+        config.measured.frames == 0) {
+      continue;
+    }
     const Measured& m = config.measured;
-    const PaperRow* p = config.paper;
-    const auto theirs = [&](double value) {
-      return p == nullptr ? std::string("-") : fixed(value, 2);
+    const std::string n = absl::StrFormat("%.3g", config.budget_million);
+    const auto paper = [&](double PaperRow::*column) {
+      return config.paper == nullptr ? std::nan("") : config.paper->*column;
     };
-    table.add({absl::StrFormat("%.3g", config.budget_million), fixed(m.fps(), 2),
-               p == nullptr ? "-" : times(m.fps(), p->fps), fixed(m.triangles.min * 1e-6, 2),
+    speed.add({n, fixed(m.fps() / paper(&PaperRow::fps), 2), fixed(m.fps(), 2),
+               fixed(paper(&PaperRow::fps), 2), fixed(m.wall_ms.mean(), 1),
+               fixed(m.cpu_ms.mean(), 1), fixed(m.triangles.min * 1e-6, 2),
                fixed(m.triangles.max * 1e-6, 2), fixed(m.triangles.mean() * 1e-6, 2),
-               theirs(p == nullptr ? 0 : p->avg_million),
-               fixed(m.stage_ms(&StageTimes::cull_ms) + m.stage_ms(&StageTimes::select_ms) +
-                         m.stage_ms(&StageTimes::allocate_ms),
-                     2),
-               theirs(p == nullptr ? 0 : p->cull_select_ms),
-               fixed(m.stage_ms(&StageTimes::generate_ms), 2),
-               theirs(p == nullptr ? 0 : p->generate_ms),
-               fixed(m.stage_ms(&StageTimes::raster_ms) + m.stage_ms(&StageTimes::resolve_ms) +
-                         m.stage_ms(&StageTimes::read_back_ms),
-                     2),
-               theirs(p == nullptr ? 0 : p->draw_ms), fixed(m.wall_ms.mean(), 2),
-               fixed(m.cpu_ms.mean(), 2), fixed(m.encode_cpu_ms.mean(), 2)});
+               fixed(paper(&PaperRow::avg_million), 2), fixed(m.encode_cpu_ms.mean(), 1)});
+    const auto add = [&](std::vector<std::string>& row,
+                         std::initializer_list<double StageTimes::*> parts,
+                         double PaperRow::*column) {
+      double wall_ms = 0, cpu_ms = 0;
+      for (double StageTimes::*part : parts) {
+        wall_ms += m.stage_ms(part);
+        cpu_ms += m.cpu_stage_ms(part);
+      }
+      row.insert(row.end(), {fixed(wall_ms, 2), fixed(cpu_ms, 2), fixed(paper(column), 2)});
+    };
+    std::vector<std::string> row{n};
+    add(row, {&StageTimes::cull_ms, &StageTimes::select_ms, &StageTimes::allocate_ms},
+        &PaperRow::cull_select_ms);
+    add(row, {&StageTimes::generate_ms}, &PaperRow::generate_ms);
+    add(row, {&StageTimes::raster_ms, &StageTimes::resolve_ms, &StageTimes::read_back_ms},
+        &PaperRow::draw_ms);
+    stages.add(std::move(row));
   }
-  std::printf("%s\n", table.text().c_str());
+  std::printf("%s\n%s\n", speed.text().c_str(), stages.text().c_str());
 }
 
 /// ms = a + b N over the rows, N in millions of vertices (or of triangles).
@@ -123,10 +139,10 @@ struct Fit {
   Line wall, cpu, wall_by_triangles, paper;
 };
 
-Fit fit(const std::vector<Config>& configs) {
+Fit fit(const std::vector<Config>& configs, std::size_t form) {
   std::vector<double> n, triangles, wall, cpu, paper_n, paper_ms;
   for (const Config& config : configs) {
-    if (config.equal_triangles || config.measured.frames == 0) continue;
+    if (config.form != form || config.equal_triangles || config.measured.frames == 0) continue;
     n.push_back(config.budget_million);
     triangles.push_back(config.measured.triangles.mean() * 1e-6);
     wall.push_back(config.measured.wall_ms.mean());
@@ -147,84 +163,108 @@ const PaperRow* paper_row(double budget_million) {
   return nullptr;
 }
 
+/// Rows with the budgets that lead to the paper's average triangles.
+absl::Status add_equal_triangles(const Common& common, const PaperOptions& options,
+                                 std::size_t form, std::vector<Config>& configs) {
+  auto count = TriangleCount::make(common.cast, common.threads, common.viewport, options.lod,
+                                   options.forms[form].pose);
+  if (!count.ok()) return count.status();
+  auto walkthrough = Walkthrough::make(common.cast, options.agents, options.camera_path);
+  if (!walkthrough.ok()) return walkthrough.status();
+  const std::uint32_t frames = std::min(options.frames, 25U);
+  for (std::uint32_t i = 0; i < frames; ++i) {
+    const auto frame = static_cast<std::uint32_t>(std::uint64_t{i} * Walkthrough::kFrames / frames);
+    if (auto status = walkthrough->advance_to(frame); !status.ok()) return status;
+    if (auto status = count->add(walkthrough->crowd(), Walkthrough::time_us(frame),
+                                 walkthrough->camera(frame));
+        !status.ok()) {
+      return status;
+    }
+  }
+  for (const double budget : options.budgets_million) {
+    const PaperRow* row = paper_row(budget);
+    if (row == nullptr) continue;
+    const absl::StatusOr<double> equal = count->budget_for(row->avg_million * 1e6);
+    if (!equal.ok()) return equal.status();
+    configs.push_back({form, *equal, row, true, {}});
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::Status run_paper(const Common& common, const PaperOptions& options) {
   std::vector<Config> configs;
-  for (const double budget : options.budgets_million) {
-    configs.push_back(
-        {budget, options.agents == Walkthrough::kAgents ? paper_row(budget) : nullptr, false, {}});
-  }
-  if (options.equal_triangles && options.agents == Walkthrough::kAgents) {
-    auto count = TriangleCount::make(common.cast, common.threads, common.viewport, options.lod);
-    if (!count.ok()) return count.status();
-    auto walkthrough = Walkthrough::make(common.cast, options.agents, options.camera_path);
-    if (!walkthrough.ok()) return walkthrough.status();
-    const std::uint32_t frames = std::min(options.frames, 25U);
-    for (std::uint32_t i = 0; i < frames; ++i) {
-      const auto frame =
-          static_cast<std::uint32_t>(std::uint64_t{i} * Walkthrough::kFrames / frames);
-      if (auto status = walkthrough->advance_to(frame); !status.ok()) return status;
-      if (auto status = count->add(walkthrough->crowd(), Walkthrough::time_us(frame),
-                                   walkthrough->camera(frame));
-          !status.ok()) {
-        return status;
-      }
-    }
+  const bool published = options.agents == Walkthrough::kAgents;
+  for (std::size_t form = 0; form < options.forms.size(); ++form) {
     for (const double budget : options.budgets_million) {
-      const PaperRow* row = paper_row(budget);
-      if (row == nullptr) continue;
-      const absl::StatusOr<double> equal = count->budget_for(row->avg_million * 1e6);
-      if (!equal.ok()) return equal.status();
-      configs.push_back({*equal, row, true, {}});
+      configs.push_back({form, budget, published ? paper_row(budget) : nullptr, false, {}});
+    }
+    if (!published || !options.equal_triangles) continue;
+    if (auto status = add_equal_triangles(common, options, form, configs); !status.ok()) {
+      return status;
     }
   }
   if (absl::Status status = measure_all(common, options, configs); !status.ok()) return status;
-  std::vector<Judged> judged;
-  if (options.quality_places > 0 && !stop_requested) {
-    auto pipeline = render::FramePipeline::make(
-        common.cast, {.raster = options.raster, .threads = common.threads});
-    if (!pipeline.ok()) return pipeline.status();
-    for (const Config& config : configs) {
-      if (config.equal_triangles) continue;
-      render::Selection selection;
-      selection.rule = options.lod;
-      selection.vertex_budget = static_cast<std::uint64_t>(config.budget_million * 1e6);
-      judged.push_back({absl::StrFormat("%g", config.budget_million), selection, {}, {}});
-    }
-    const Places places{options.agents, options.camera_path, options.quality_places, {}, ""};
-    if (auto status = judge_places(common, places, **pipeline, judged); !status.ok()) return status;
-  }
   if (configs.empty() || configs.front().measured.frames == 0) {
     return absl::CancelledError("paper: stopped before the first frame");
+  }
+  std::vector<Judged> judged;
+  if (options.quality_places > 0 && !stop_requested) {
+    for (const Config& config : configs) {
+      if (config.equal_triangles) continue;
+      judged.push_back({options.forms[config.form],
+                        absl::StrFormat("%g", config.budget_million),
+                        static_cast<std::uint64_t>(config.budget_million * 1e6),
+                        {},
+                        {}});
+    }
+    Places places;
+    places.agents = options.agents;
+    places.camera_path = options.camera_path;
+    places.count = options.quality_places;
+    places.raster = options.raster;
+    places.lod = options.lod;
+    if (auto status = judge_places(common, places, judged); !status.ok()) return status;
   }
 
   const char* raster = options.raster == render::RasterKind::kGl ? "gl" : "visibility";
   const Range& visible = configs.front().measured.visible;
   std::printf(
-      "Dong & Peng 2019, table 2: %s instances, %ux%u px, raster %s, geometry batched, "
-      "%s frames of the walkthrough.\n%s\n\n"
-      "Instances in view: min %s, avg %s, max %s (paper: 5,038, 15,771, 29,967).\n\n"
-      "At equal N:\n\n",
+      "Dong & Peng 2019, table 2: %s instances, %ux%u px, raster %s, %s frames of the "
+      "walkthrough.\n%s\n\n"
+      "Instances in view: min %s, avg %s, max %s (paper: 5,038, 15,771, 29,967).\n\n",
       grouped(options.agents).c_str(), common.viewport.width_px, common.viewport.height_px, raster,
       grouped(static_cast<double>(configs.front().measured.frames)).c_str(),
       common.machine.line().c_str(), grouped(visible.min).c_str(), grouped(visible.mean()).c_str(),
       grouped(visible.max).c_str());
-  print_table(configs, false);
-  if (configs.back().equal_triangles) {
-    std::printf("At the paper's average triangles:\n\n");
-    print_table(configs, true);
+  nlohmann::ordered_json fits;
+  for (std::size_t form = 0; form < options.forms.size(); ++form) {
+    const char* name = options.forms[form].name;
+    std::printf("Geometry %s, at equal N:\n\n", name);
+    print_table(configs, form, false);
+    if (published && options.equal_triangles) {
+      std::printf("Geometry %s, at the paper's average triangles:\n\n", name);
+      print_table(configs, form, true);
+    }
+    const Fit line = fit(configs, form);
+    std::printf(
+        "Fit over N in millions, %s: ms = %.1f + %.2f N; CPU ms = %.1f + %.2f N; paper's fps: ms = "
+        "%.1f + %.2f N.\nOver triangles drawn in millions: ms = %.1f + %.2f T.\n\n",
+        name, line.wall.a, line.wall.b, line.cpu.a, line.cpu.b, line.paper.a, line.paper.b,
+        line.wall_by_triangles.a, line.wall_by_triangles.b);
+    const auto json_of = [](const Line& one) {
+      return nlohmann::ordered_json{{"a_ms", one.a}, {"b_ms_per_million", one.b}};
+    };
+    fits[name] = {{"wall", json_of(line.wall)},
+                  {"cpu", json_of(line.cpu)},
+                  {"wall_by_triangles", json_of(line.wall_by_triangles)},
+                  {"paper", json_of(line.paper)}};
   }
   if (!judged.empty()) {
     std::printf("Quality against full detail, near agents, at %u places:\n\n%s\n",
                 options.quality_places, quality_table(judged).text().c_str());
   }
-  const Fit line = fit(configs);
-  std::printf(
-      "Fit over N in millions: ms = %.1f + %.2f N; CPU ms = %.1f + %.2f N; paper's fps: ms = "
-      "%.1f + %.2f N.\nOver triangles drawn in millions: ms = %.1f + %.2f T.\n",
-      line.wall.a, line.wall.b, line.cpu.a, line.cpu.b, line.paper.a, line.paper.b,
-      line.wall_by_triangles.a, line.wall_by_triangles.b);
 
   if (common.json.empty()) return absl::OkStatus();
   nlohmann::ordered_json json = {
@@ -234,11 +274,13 @@ absl::Status run_paper(const Common& common, const PaperOptions& options) {
       {"width_px", common.viewport.width_px},
       {"height_px", common.viewport.height_px},
       {"raster", raster},
-      {"geometry", "batched"},
+      {"compute", options.compute == render::BackendKind::kCpu ? "cpu" : "cuda"},
       {"lod", options.lod == render::LodRule::kDong2019 ? "dong2019" : "budget"},
+      {"fit", fits},
       {"rows", nlohmann::ordered_json::array()}};
   for (const Config& config : configs) {
-    nlohmann::ordered_json row = {{"budget_million", config.budget_million},
+    nlohmann::ordered_json row = {{"geometry", options.forms[config.form].name},
+                                  {"budget_million", config.budget_million},
                                   {"equal_triangles", config.equal_triangles}};
     row.update(config.measured.json());
     if (config.paper != nullptr) {
@@ -254,19 +296,13 @@ absl::Status run_paper(const Common& common, const PaperOptions& options) {
                       {"draw_ms", p.draw_ms}};
     }
     for (const Judged& one : judged) {
-      if (!config.equal_triangles && one.name == absl::StrFormat("%g", config.budget_million)) {
+      if (!config.equal_triangles && one.form.name == options.forms[config.form].name &&
+          one.budget == static_cast<std::uint64_t>(config.budget_million * 1e6)) {
         row["quality"] = one.quality.json();
       }
     }
     json["rows"].push_back(std::move(row));
   }
-  const auto json_of = [](const Line& one) {
-    return nlohmann::ordered_json{{"a_ms", one.a}, {"b_ms_per_million", one.b}};
-  };
-  json["fit"] = {{"wall", json_of(line.wall)},
-                 {"cpu", json_of(line.cpu)},
-                 {"wall_by_triangles", json_of(line.wall_by_triangles)},
-                 {"paper", json_of(line.paper)}};
   return write_json(common.json, json);
 }
 

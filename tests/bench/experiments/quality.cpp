@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cmath>
+#include <map>
 
 #include "bench/experiments/report.hpp"
 #include "bench/experiments/walkthrough.hpp"
@@ -109,7 +110,8 @@ absl::StatusOr<std::vector<std::uint8_t>> covered_pixels(render::FramePipeline& 
 
 absl::StatusOr<Reference> Reference::make(std::shared_ptr<const render::Cast> cast,
                                           unsigned threads, render::RasterKind raster) {
-  auto pipeline = render::FramePipeline::make(cast, {.raster = raster, .threads = threads});
+  auto pipeline = render::FramePipeline::make(
+      cast, {.raster = raster, .threads = threads, .geometry = render::GeometryKind::kBatched});
   if (!pipeline.ok()) return pipeline.status();
   Reference reference;
   reference.cast_ = std::move(cast);
@@ -121,6 +123,7 @@ absl::StatusOr<Reference::Frame> Reference::draw(const render::Crowd& crowd, std
                                                  const render::ViewSettings& view) {
   render::ViewSettings full = view;
   full.selection.rule = render::LodRule::kBudget;
+  full.pose_mode = render::PoseMode::kExact;
   full.selection.vertex_budget = 0;
   render::Picture large;
   render::FrameStats stats;
@@ -191,16 +194,27 @@ absl::Status judge(const std::array<Reference::Frame, 2>& frames,
   return absl::OkStatus();
 }
 
-absl::Status judge_places(const Common& common, const Places& places,
-                          render::FramePipeline& pipeline, std::vector<Judged>& ways) {
+absl::Status judge_places(const Common& common, const Places& places, std::vector<Judged>& ways) {
   auto walkthrough = Walkthrough::make(common.cast, places.agents, places.camera_path);
   if (!walkthrough.ok()) return walkthrough.status();
   auto reference = Reference::make(common.cast, common.threads);
   if (!reference.ok()) return reference.status();
 
+  std::map<render::GeometryKind, std::unique_ptr<render::FramePipeline>> pipelines;
+  for (const Judged& way : ways) {
+    if (pipelines.contains(way.form.geometry)) continue;
+    auto pipeline = render::FramePipeline::make(common.cast, {.raster = places.raster,
+                                                              .threads = common.threads,
+                                                              .measure_cpu_times = true,
+                                                              .geometry = way.form.geometry});
+    if (!pipeline.ok()) return pipeline.status();
+    pipelines[way.form.geometry] = *std::move(pipeline);
+  }
+
   render::ViewSettings view;
   view.viewport = common.viewport;
   view.look = places.look;
+  view.selection.rule = places.lod;
   render::JpegEncoder jpeg;
   Progress progress("quality", std::size_t{places.count} * (ways.size() + 1));
   for (std::uint32_t place = 0; place < places.count && !stop_requested; ++place) {
@@ -224,7 +238,9 @@ absl::Status judge_places(const Common& common, const Places& places,
         if (!status.ok()) return status;
       }
       for (std::size_t w = 0; w < ways.size(); ++w) {
-        view.selection = ways[w].selection;
+        view.selection.vertex_budget = ways[w].budget;
+        view.pose_mode = ways[w].form.pose;
+        render::FramePipeline& pipeline = *pipelines[ways[w].form.geometry];
         if (auto status = measure_frame(pipeline, crowd, time_us, view, jpeg, frames[w][i].picture,
                                         ways[w].measured);
             !status.ok()) {
@@ -234,15 +250,16 @@ absl::Status judge_places(const Common& common, const Places& places,
         if (!covered.ok()) return covered.status();
         frames[w][i].covered = *std::move(covered);
         if (places.pictures.empty()) continue;
-        const auto status = write_png(name + ways[w].name + ".png", frames[w][i].picture);
+        const auto status =
+            write_png(absl::StrCat(name, ways[w].name, "-", w, ".png"), frames[w][i].picture);
         if (!status.ok()) return status;
       }
     }
     progress.step("reference");
     for (std::size_t w = 0; w < ways.size(); ++w) {
       if (auto status = judge(frames[w], references, ways[w].quality); !status.ok()) return status;
-      progress.step(
-          absl::StrFormat("%s: SSIM %.3f", ways[w].name, ways[w].quality.near_ssim.mean()));
+      progress.step(absl::StrFormat("%s, %s: SSIM %.3f", ways[w].form.name, ways[w].name,
+                                    ways[w].quality.near_ssim.mean()));
     }
   }
   return ways.empty() || ways.front().measured.frames == 0
@@ -251,14 +268,15 @@ absl::Status judge_places(const Common& common, const Places& places,
 }
 
 Table quality_table(const std::vector<Judged>& ways) {
-  Table table({"N (M)", "SSIM", "PSNR dB", "flicker", "SSIM, whole frame", "PSNR dB, whole", "Mtri",
-               "frame CPU ms", "frame ms"});
+  Table table({"geometry", "N (M)", "SSIM", "PSNR dB", "flicker", "SSIM, whole frame",
+               "PSNR dB, whole", "Mtri", "frame CPU ms", "frame ms"});
   for (const Judged& way : ways) {
     const Quality& q = way.quality;
-    table.add({way.name, fixed(q.near_ssim.mean(), 3), fixed(q.near_psnr_db.mean(), 1),
-               fixed(q.flicker.mean(), 2), fixed(q.frame_ssim.mean(), 3),
-               fixed(q.frame_psnr_db.mean(), 1), fixed(way.measured.triangles.mean() * 1e-6, 2),
-               fixed(way.measured.cpu_ms.mean(), 1), fixed(way.measured.wall_ms.mean(), 1)});
+    table.add({way.form.name, way.name, fixed(q.near_ssim.mean(), 3),
+               fixed(q.near_psnr_db.mean(), 1), fixed(q.flicker.mean(), 2),
+               fixed(q.frame_ssim.mean(), 3), fixed(q.frame_psnr_db.mean(), 1),
+               fixed(way.measured.triangles.mean() * 1e-6, 2), fixed(way.measured.cpu_ms.mean(), 1),
+               fixed(way.measured.wall_ms.mean(), 1)});
   }
   return table;
 }

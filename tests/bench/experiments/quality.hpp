@@ -65,8 +65,9 @@ absl::Status judge(const std::array<Reference::Frame, 2>& frames,
 
 /// A way to draw, and what came of it.
 struct Judged {
-  std::string name;
-  render::Selection selection;
+  Form form;
+  std::string name;  // of the budget
+  std::uint64_t budget = 0;
   Quality quality;
   Measured measured;
 };
@@ -76,13 +77,14 @@ struct Places {
   std::uint32_t agents = 0;
   std::string camera_path;  // empty: the walkthrough that comes with the bench
   std::uint32_t count = 4;  // spread over the walkthrough, two consecutive frames each
+  render::RasterKind raster = render::RasterKind::kVisibility;
+  render::LodRule lod = render::LodRule::kBudget;
   render::Look look;
   std::string pictures;  // folder for all that is compared, empty: none
 };
 
 /// Draws all ways at all places and compares them with the reference.
-absl::Status judge_places(const Common& common, const Places& places,
-                          render::FramePipeline& pipeline, std::vector<Judged>& ways);
+absl::Status judge_places(const Common& common, const Places& places, std::vector<Judged>& ways);
 
 /// SSIM, PSNR and flicker of each way.
 Table quality_table(const std::vector<Judged>& ways);

@@ -10,22 +10,23 @@
 namespace throng::bench {
 
 absl::Status run_quality(const Common& common, const QualityOptions& options) {
-  auto pipeline = render::FramePipeline::make(
-      common.cast,
-      {.raster = options.raster, .threads = common.threads, .measure_cpu_times = true});
-  if (!pipeline.ok()) return pipeline.status();
   std::vector<Judged> ways;
-  render::Selection selection;
-  selection.rule = options.lod;
-  for (const double budget : options.budgets_million) {
-    selection.vertex_budget = static_cast<std::uint64_t>(budget * 1e6);
-    ways.push_back({absl::StrFormat("%g", budget), selection, {}, {}});
+  for (const Form& form : options.forms) {
+    for (const double budget : options.budgets_million) {
+      ways.push_back(
+          {form, absl::StrFormat("%g", budget), static_cast<std::uint64_t>(budget * 1e6), {}, {}});
+    }
+    ways.push_back({form, "full detail", 4'000'000'000, {}, {}});
   }
-  selection.vertex_budget = 4'000'000'000;
-  ways.push_back({"full detail", selection, {}, {}});
-  Places places{options.agents, options.camera_path, options.places, {}, options.pictures};
+  Places places;
+  places.agents = options.agents;
+  places.camera_path = options.camera_path;
+  places.count = options.places;
+  places.raster = options.raster;
+  places.lod = options.lod;
   places.look.shadows = options.shadows;
-  if (auto status = judge_places(common, places, **pipeline, ways); !status.ok()) return status;
+  places.pictures = options.pictures;
+  if (auto status = judge_places(common, places, ways); !status.ok()) return status;
 
   std::printf(
       "Against the reference (full detail, own poses, 16 shaded pixels for each), pixels within 8 "
@@ -44,7 +45,8 @@ absl::Status run_quality(const Common& common, const QualityOptions& options) {
                                  {"shadows", options.shadows},
                                  {"rows", nlohmann::ordered_json::array()}};
   for (const Judged& way : ways) {
-    nlohmann::ordered_json one = {{"budget_million", way.name}, {"quality", way.quality.json()}};
+    nlohmann::ordered_json one = {
+        {"geometry", way.form.name}, {"budget_million", way.name}, {"quality", way.quality.json()}};
     one.update(way.measured.json());
     json["rows"].push_back(std::move(one));
   }

@@ -5,10 +5,11 @@ namespace throng::bench {
 absl::StatusOr<TriangleCount> TriangleCount::make(std::shared_ptr<const render::Cast> cast,
                                                   unsigned threads,
                                                   const render::Viewport& viewport,
-                                                  render::LodRule rule) {
+                                                  render::LodRule rule, render::PoseMode pose) {
   TriangleCount count;
   count.viewport_ = viewport;
-  count.rule_ = rule;
+  count.selection_.rule = rule;
+  count.selection_.pose_mode = pose;
   auto backend = render::make_backend(render::BackendKind::kCpu, threads);
   if (!backend.ok()) return backend.status();
   count.backend_ = *std::move(backend);
@@ -37,10 +38,8 @@ absl::Status TriangleCount::add(const render::Crowd& crowd, std::int64_t time_us
 absl::StatusOr<double> TriangleCount::mean_at(double budget_million) {
   double sum = 0;
   for (const auto& view : views_) {
-    render::Selection selection;
-    selection.vertex_budget = static_cast<std::uint64_t>(budget_million * 1e6);
-    selection.rule = rule_;
-    if (auto status = backend_->select(*view, selection); !status.ok()) return status;
+    selection_.vertex_budget = static_cast<std::uint64_t>(budget_million * 1e6);
+    if (auto status = backend_->select(*view, selection_); !status.ok()) return status;
     sum += static_cast<double>(backend_->counters(*view).triangles);
   }
   return views_.empty() ? 0.0 : sum / static_cast<double>(views_.size());

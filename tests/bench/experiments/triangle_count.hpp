@@ -15,7 +15,7 @@ class TriangleCount {
  public:
   static absl::StatusOr<TriangleCount> make(std::shared_ptr<const render::Cast> cast,
                                             unsigned threads, const render::Viewport& viewport,
-                                            render::LodRule rule);
+                                            render::LodRule rule, render::PoseMode pose);
 
   /// A view of the crowd at a time.
   absl::Status add(const render::Crowd& crowd, std::int64_t time_us, const render::Camera& camera);
@@ -30,7 +30,7 @@ class TriangleCount {
   std::unique_ptr<render::ComputeBackend> backend_;
   std::vector<std::unique_ptr<render::ViewWork>> views_;
   render::Viewport viewport_;
-  render::LodRule rule_ = render::LodRule::kDong2019;
+  render::Selection selection_;
 };
 
 }  // namespace throng::bench
