@@ -44,6 +44,9 @@ SceneFrame make_scene_frame(const Camera& camera, const Viewport& viewport,
   const glm::dvec3 corner = right * (-0.5 * width) + down * (-0.5 * height);
   const glm::dvec3 forward = -world_from_view[2];
   scene.px_per_tangent = static_cast<float>(1.0 / per_px);
+  // who looks at a whole city from far wants to see it
+  const double target_m = glm::length(camera.target_world - camera.eye_world);
+  scene.haze_per_m = static_cast<float>(1.0 / std::max(1800.0, 5.0 * target_m));
   if (scene.orthographic) {
     scene.ray_origin = glm::vec3(corner);
     scene.ray_origin_x = glm::vec3(right);

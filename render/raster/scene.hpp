@@ -20,6 +20,7 @@ struct SceneFrame {
   glm::vec3 ray_origin, ray_origin_x, ray_origin_y;
   glm::vec3 ray_direction, ray_direction_x, ray_direction_y;
   glm::vec2 grid_eye;    // the eye's place within 20 m, the period of the ground
+  float haze_per_m;      // over 1 / haze_per_m metres half of a colour goes to the horizon's
   float px_per_tangent;  // pixels of a metre at a distance of 1 m (perspective) or anywhere
 };
 

@@ -461,7 +461,7 @@ class GlRasterizer final : public Rasterizer {
     uniforms.sky_color = glm::vec4(scene.sky_color, flag(scene.ground));
     uniforms.ground_light = glm::vec4(scene.ground_light, flag(scene.shadows));
     uniforms.horizon_color = glm::vec4(scene.horizon_color, flag(scene.orthographic));
-    uniforms.ground_color = glm::vec4(scene.ground_color, 0.0F);
+    uniforms.ground_color = glm::vec4(scene.ground_color, scene.haze_per_m);
     uniforms.ray_origin = glm::vec4(scene.ray_origin, 0.0F);
     uniforms.ray_origin_x = glm::vec4(scene.ray_origin_x, 0.0F);
     uniforms.ray_origin_y = glm::vec4(scene.ray_origin_y, 0.0F);

@@ -13,7 +13,7 @@ layout(std140, binding = 0) uniform Frame {
   vec4 sky_color;       // w: 1 where the ground is drawn
   vec4 ground_light;    // w: 1 where shadows are drawn
   vec4 horizon_color;   // w: 1 for an orthographic camera
-  vec4 ground_color;
+  vec4 ground_color;    // w: share of haze a metre
   vec4 ray_origin, ray_origin_x, ray_origin_y;           // of pixel (0, 0), and a pixel's step
   vec4 ray_direction, ray_direction_x, ray_direction_y;
   vec4 grid;            // xy: the eye's place within 20 m; zw: the tile's first pixel
@@ -36,7 +36,7 @@ vec3 tone_map(vec3 color) {
 
 // Air between the eye and a point.
 vec3 haze(vec3 color, float distance_m) {
-  return mix(frame.horizon_color.rgb, color, exp2(-distance_m * (1.0 / 1800.0)));
+  return mix(frame.horizon_color.rgb, color, exp2(-distance_m * frame.ground_color.w));
 }
 )";
 
@@ -152,7 +152,7 @@ void main() {
   // fades with what it darkens: see haze and grazing in the background's shader
   float distance_m = frame.horizon_color.w > 0.5 ? 1e-3 : length(instance.feet.xyz);
   float seen = (1.0 - exp2(-55.0 * min(abs(frame.sun_direction.w) / distance_m, 1.0))) *
-               exp2(-distance_m * (1.0 / 1800.0));
+               exp2(-distance_m * frame.ground_color.w);
   v_strength = vec3(reach, seen, seen * (1.0 - instance.cast_shadow));
   vec2 place = instance.feet.xy +
                (away * along + vec2(-away.y, away.x) * across) * (instance.feet.w / 1.75);

@@ -105,7 +105,7 @@ HWY_INLINE V3 ToneMap(V3 color) {
 }
 
 HWY_INLINE V3 Haze(const SceneFrame& scene, const V3& color, F distance_m) {
-  const F clear = Exp2Negative(Times(distance_m, -1.0F / 1800.0F));
+  const F clear = Exp2Negative(Times(distance_m, -scene.haze_per_m));
   const V3 horizon = Set3(scene.horizon_color);
   return {Lerp(horizon.x, color.x, clear), Lerp(horizon.y, color.y, clear),
           Lerp(horizon.z, color.z, clear)};
@@ -704,7 +704,7 @@ Blob make_blob(const SceneFrame& scene, const InstanceShade& shade) {
   const float distance_m =
       scene.orthographic ? 1e-3F : std::max(glm::length(shade.feet_relative), 1e-3F);
   const float slope = std::min(std::abs(scene.ground_relative_m) / distance_m, 1.0F);
-  const float seen = (1.0F - std::exp2(-55.0F * slope)) * std::exp2(-distance_m / 1800.0F);
+  const float seen = (1.0F - std::exp2(-55.0F * slope)) * std::exp2(-distance_m * scene.haze_per_m);
   blob.contact = seen;
   blob.body = seen * (1.0F - shade.cast_shadow);
   return blob;
