@@ -220,6 +220,7 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
       state.rasterizer->draw(geometry, settings.camera, settings.viewport,
                              crowd.settings().origin_world, settings.look, picture);
   clock.stop(&StageTimes::raster_ms);
+  stats.raster = state.rasterizer->counters();
   return status;
 }
 

@@ -29,6 +29,7 @@ enum SeedStream : std::uint32_t {
   kSeedRunThreshold = 4,
   kSeedHeading = 5,
   kSeedTier = 6,
+  kSeedFlat = 7,
 };
 
 }  // namespace throng::render::element

@@ -2,8 +2,12 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 #include <numbers>
 
+#include <thread>
+
+#include "render/raster/visibility/visibility_rasterizer.hpp"
 #include "support/image_compare.hpp"
 #include "support/tiny_character.hpp"
 #include "throng/render/frame.hpp"
@@ -155,6 +159,105 @@ TEST(VisibilityRasterizerTest, FusedGeometryNeedsARasterizerThatTakesIt) {
                 .status()
                 .code(),
             absl::StatusCode::kInvalidArgument);
+}
+
+TEST(VisibilityRasterizerTest, OcclusionLeavesOutNobodyWhoIsSeen) {
+  // against brute force: every instance drawn in every tile it may be seen in
+  const auto cast = tiny_cast();
+  auto backend = make_backend(BackendKind::kCpu, 2).value();
+  ASSERT_TRUE(backend->upload(cast).ok());
+  auto view = backend->make_view().value();
+  auto with = visibility::make_visibility_rasterizer(2, "").value();
+  auto without = visibility::make_visibility_rasterizer(2, "", /*occlusion=*/false).value();
+  ASSERT_TRUE(with->upload(cast).ok() && without->upload(cast).ok());
+  std::uint64_t hidden = 0;
+  for (int round = 0; round < 8; ++round) {
+    Crowd crowd(cast, {});
+    push_rows(crowd, 60, 60 + 10 * round, 0.15F + 0.05F * static_cast<float>(round % 4));
+    const Bracket bracket = crowd.bracket(0);
+    const auto snapshot = backend->upload(bracket.older).value();
+    const auto instances = backend->advance(*snapshot, *snapshot, 0, crowd.settings(), -1).value();
+    const Camera camera{.eye_world = {0.3 * round, -3.0 - round, 1.2 + 0.2 * round},
+                        .target_world = {0, 6, 0.9}};
+    const Viewport viewport{320 + 17U * static_cast<std::uint32_t>(round), 180};
+    for (const GeometryKind geometry : {GeometryKind::kFused, GeometryKind::kBatched}) {
+      const Selection selection{
+          .vertex_budget = 400'000, .pose_mode = PoseMode::kShared, .geometry = geometry};
+      ASSERT_TRUE(backend->cull(*view, instances, camera, viewport).ok());
+      ASSERT_TRUE(backend->select(*view, selection).ok());
+      ASSERT_TRUE(backend->allocate(*view).ok());
+      ASSERT_TRUE(backend->generate(*view).ok());
+      Picture a, b;
+      const FrameGeometry frame = backend->geometry(*view);
+      ASSERT_TRUE(with->draw(frame, camera, viewport, {}, {}, a).ok());
+      ASSERT_TRUE(without->draw(frame, camera, viewport, {}, {}, b).ok());
+      EXPECT_EQ(a.rgbx, b.rgbx) << round;
+      const RasterCounters counted = with->counters(), all = without->counters();
+      EXPECT_EQ(all.hidden, 0U);
+      EXPECT_EQ(counted.drawn + counted.hidden, all.drawn);
+      EXPECT_EQ(counted.shaded, all.shaded);
+      hidden += counted.hidden;
+    }
+  }
+  EXPECT_GT(hidden, 10'000U);
+}
+
+TEST(VisibilityRasterizerTest, AMillionAgentsOfAPixel) {
+  const auto cast = tiny_cast();
+  Crowd crowd(cast, {});
+  push_rows(crowd, 1000, 1000, 0.7F);
+  ViewSettings view;
+  view.camera = {.eye_world = {0, 350, 1500}, .target_world = {0, 350.1, 0}};
+  view.viewport = {640, 640};
+  view.selection.vertex_budget = 1'000'000;
+  auto pipeline = FramePipeline::make(cast, {.raster = RasterKind::kVisibility, .threads = 2});
+  ASSERT_TRUE(pipeline.ok()) << pipeline.status();
+  Picture picture;
+  FrameStats stats;
+  const absl::Status status = (*pipeline)->render(crowd, 0, view, picture, stats);
+  ASSERT_TRUE(status.ok()) << status;
+  EXPECT_EQ(stats.counters.visible, 1'000'000U);
+  EXPECT_EQ(stats.counters.shared_poses, 1'000'000U);
+  EXPECT_GT(stats.raster.shaded, 100'000U);
+  EXPECT_LT(stats.counters.view_bytes + stats.raster.size_bytes, 600'000'000U);
+  // the crowd's square is darker or lighter than the ground around it nearly everywhere
+  const auto at = [&](std::size_t x, std::size_t y) { return &picture.rgbx[4 * (y * 640 + x)]; };
+  EXPECT_NE(std::memcmp(at(320, 320), at(5, 5), 3), 0);
+}
+
+TEST(VisibilityRasterizerTest, ViewsOfOneProcessDoNotDisturbEachOther) {
+  const auto cast = tiny_cast();
+  Crowd crowd(cast, {});
+  push_rows(crowd, 30, 30, 1.1F);
+  std::vector<ViewSettings> views(3, down_the_street());
+  views[1].viewport = {200, 300};
+  views[2].camera.eye_world = {20, 10, 30};
+  std::vector<Picture> alone, together(views.size());
+  for (const ViewSettings& view : views) {
+    alone.push_back(rendered(cast, crowd, RasterKind::kVisibility, 2, view));
+  }
+  {
+    std::vector<std::jthread> threads;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      threads.emplace_back([&, i] {
+        for (int round = 0; round < 3; ++round) {
+          together[i] = rendered(cast, crowd, RasterKind::kVisibility, 2, views[i]);
+        }
+      });
+    }
+  }
+  for (std::size_t i = 0; i < views.size(); ++i) EXPECT_EQ(alone[i].rgbx, together[i].rgbx) << i;
+  // and one pipeline that changes between them
+  auto pipeline = FramePipeline::make(cast, {.raster = RasterKind::kVisibility, .threads = 2});
+  ASSERT_TRUE(pipeline.ok());
+  Picture picture;
+  FrameStats stats;
+  for (int round = 0; round < 2; ++round) {
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      ASSERT_TRUE((*pipeline)->render(crowd, 0, views[i], picture, stats).ok());
+      EXPECT_EQ(alone[i].rgbx, picture.rgbx) << i;
+    }
+  }
 }
 
 TEST(VisibilityRasterizerTest, EverySizeIsDrawn) {

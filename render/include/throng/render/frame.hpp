@@ -24,6 +24,7 @@ struct FrameStats {
   StageTimes times;
   StageTimes cpu_times;  // of all threads of the process; see FramePipelineOptions
   ComputeCounters counters;
+  RasterCounters raster;
   std::int64_t scene_time_us = 0;
 };
 

@@ -38,12 +38,25 @@ struct RasterInfo {
   std::string detail;  // vendor, renderer, version
 };
 
+/// Counters of the last frame. An instance counts once for each tile it may be seen in.
+struct RasterCounters {
+  std::uint64_t drawn = 0;       // instances
+  std::uint64_t hidden = 0;      // instances not drawn: behind nearer ones
+  std::uint64_t triangles = 0;   // looked at
+  std::uint64_t surviving = 0;   // that face the eye and may cover a sample
+  std::uint64_t shaded = 0;      // pixels of figures, once for each instance seen in them
+  std::uint64_t size_bytes = 0;  // memory of the rasterizer, textures included
+};
+
 /// Rasterization and shading of a frame. Not thread safe: one render loop owns it, and a GL context
 /// stays on the thread that first drew.
 class Rasterizer {
  public:
   virtual ~Rasterizer() = default;
   virtual RasterInfo info() const = 0;
+
+  /// All 0 where the rasterizer doesn't count.
+  virtual RasterCounters counters() const { return {}; }
 
   /// True where fused geometry can be drawn.
   virtual bool takes_fused() const { return false; }

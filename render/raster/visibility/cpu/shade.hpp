@@ -5,6 +5,7 @@
 #include <glm/glm.hpp>
 #include <vector>
 
+#include "render/compute/cpu/levels.hpp"
 #include "render/raster/scene.hpp"
 #include "throng/render/compute.hpp"
 
@@ -29,9 +30,19 @@ struct SharedShade {
   std::uint32_t first_uv;
   std::uint32_t reserved;
   float cosine_scale, sine_scale, scale;
-  float unused;
+  float double_sided;  // 1 or 0
 };
 static_assert(sizeof(SharedShade) == 32);
+
+/// The mean of the textures over one triangle. 8 bytes.
+struct TriangleTone {
+  std::uint32_t base;     // element::pack_color
+  std::uint32_t regions;  // tint mask, 8 bits each
+};
+
+/// Of every triangle of every level.
+std::vector<TriangleTone> make_tones(const Cast& cast, const LevelTable& levels,
+                                     const TextureStore& textures);
 
 /// Where the vertices of shared instances are.
 struct SharedMeshes {
@@ -39,6 +50,7 @@ struct SharedMeshes {
   const std::uint32_t* corners;  // LevelTable::corners
   const std::uint32_t* uv;
   const SharedShade* shades;  // [V]
+  const TriangleTone* tones;  // by triangle of LevelTable
 };
 
 /// What is shaded in one tile: one item for each pixel and instance seen in it.
@@ -64,6 +76,11 @@ void shade_items(const SceneFrame& scene, const FrameGeometry& geometry,
 void shade_shared_items(const SceneFrame& scene, const SharedMeshes& meshes,
                         const InstanceShade* shades, const TextureStore& textures,
                         ShadeItems& items);
+
+/// The same where triangles are about as small as pixels: each has one colour, its textures' mean
+/// in the light of its corners' mean normal. A quarter of the work.
+void shade_flat_items(const SceneFrame& scene, const SharedMeshes& meshes,
+                      const InstanceShade* shades, ShadeItems& items);
 
 /// Ground, grid and sky of a row of pixels [x, x + count): tone-mapped, linear.
 void shade_background(const SceneFrame& scene, int x_px, int y_px, int count, float* r, float* g,

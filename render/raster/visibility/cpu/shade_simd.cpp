@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "render/raster/element/color.hpp"
 #include "render/raster/visibility/cpu/shade.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -191,6 +192,65 @@ HWY_INLINE V3 Unpack(U bits) {
   return {square(bits), square(hn::ShiftRight<10>(bits)), square(hn::ShiftRight<20>(bits))};
 }
 
+/// The texture's colour with the regions of its mask dyed.
+HWY_INLINE V3 Tinted(const V3& albedo, const Rgba& mask, const std::uint32_t* shade_words,
+                     I instance) {
+  const FloatTag df;
+  const UintTag du;
+  const F rest = hn::Max(
+      hn::Zero(df), hn::Sub(Set(1.0F), hn::Add(hn::Add(mask.r, mask.g), hn::Add(mask.b, mask.a))));
+  V3 tint{rest, rest, rest};
+  const F* weights[4] = {&mask.r, &mask.g, &mask.b, &mask.a};
+  for (int region = 0; region < 4; ++region) {
+    // element::pack_tint stores halves
+    const V3 color = Unpack(hn::GatherIndex(du, shade_words + 4 + region, instance));
+    tint = Add3(tint, Scale3(color, Times(*weights[region], 2.0F)));
+  }
+  return {hn::Mul(albedo.x, tint.x), hn::Mul(albedo.y, tint.y), hn::Mul(albedo.z, tint.z)};
+}
+
+/// The channel's colour where there is one, else `albedo`.
+HWY_INLINE V3 Colored(const V3& base, const V3& albedo, U channel) {
+  const FloatTag df;
+  const UintTag du;
+  const F luma =
+      hn::Add(hn::Add(Times(base.x, 0.2126F), Times(base.y, 0.7152F)), Times(base.z, 0.0722F));
+  const V3 color = Scale3(Unpack(channel), hn::Add(Times(hn::Sqrt(luma), 0.45F), Set(0.55F)));
+  const auto chosen = hn::RebindMask(df, hn::Ne(channel, hn::Set(du, kNoChannel)));
+  return {hn::IfThenElse(chosen, color.x, albedo.x), hn::IfThenElse(chosen, color.y, albedo.y),
+          hn::IfThenElse(chosen, color.z, albedo.z)};
+}
+
+/// Light, haze and tone map. `n` of unit length, `above_m` over the feet.
+HWY_INLINE V3 Lit(const SceneFrame& scene, const V3& albedo, const V3& n, const V3& to_eye,
+                  F above_m, F distance_m) {
+  const V3 sun = Set3(scene.sun_direction);
+  const F rise = Clamp01(Times(hn::Add(above_m, Set(0.05F)), 1.0F / 0.8F));
+  const F smooth = hn::Mul(hn::Mul(rise, rise), hn::Sub(Set(3.0F), hn::Add(rise, rise)));
+  const F ao = hn::Add(Set(0.55F), Times(smooth, 0.45F));
+  F facing = Clamp01(Times(hn::Add(Dot3(n, sun), Set(0.22F)), 1.0F / 1.22F));
+  facing = hn::Mul(facing, hn::Add(Times(facing, 0.4F), Set(0.6F)));
+  const F up_share = hn::Add(Times(n.z, 0.5F), Set(0.5F));
+  const F direct = hn::Mul(facing, hn::Add(Times(ao, 0.25F), Set(0.75F)));
+  const F edge = hn::Sub(Set(1.0F), Clamp01(Dot3(n, to_eye)));
+  const F rim = hn::Mul(hn::Mul(hn::Mul(edge, edge), edge),
+                        Times(hn::Add(Times(hn::Mul(n.z, n.z), 0.65F), Set(0.35F)), 0.16F));
+  F gloss = Clamp01(Dot3(n, Unit3(Add3(sun, to_eye))));
+  for (int power = 0; power < 4; ++power) gloss = hn::Mul(gloss, gloss);
+  gloss = Times(hn::Mul(gloss, facing), 0.035F);
+  const F rim_ao = hn::Mul(rim, ao);
+  const auto lit = [&](F a, float sun_c, float sky_c, float low_c) HWY_ATTR {
+    const F sky_light = hn::Mul(hn::Add(Set(low_c), Times(up_share, sky_c - low_c)), ao);
+    const F light = hn::Add(Times(direct, sun_c), sky_light);
+    return hn::Add(hn::Add(hn::Mul(a, light), Times(rim_ao, sky_c)), Times(gloss, sun_c));
+  };
+  V3 color{lit(albedo.x, scene.sun_color.x, scene.sky_color.x, scene.ground_light.x),
+           lit(albedo.y, scene.sun_color.y, scene.sky_color.y, scene.ground_light.y),
+           lit(albedo.z, scene.sun_color.z, scene.sky_color.z, scene.ground_light.z)};
+  if (!scene.orthographic) color = Haze(scene, color, distance_m);
+  return ToneMap(color);
+}
+
 /// Offset, width and height of a mip level of an image with its levels one after the other.
 struct Level {
   std::int32_t first, width, height;
@@ -289,6 +349,16 @@ struct SharedFetch {
   }
 };
 
+/// Fills the last vector with its last item.
+HWY_INLINE void PadItems(ShadeItems& items, std::size_t lanes) {
+  for (std::size_t i = items.count; i < items.count + lanes; ++i) {
+    items.triangle[i] = items.triangle[items.count - 1];
+    items.instance[i] = items.instance[items.count - 1];
+    items.x_px[i] = items.x_px[items.count - 1];
+    items.y_px[i] = items.y_px[items.count - 1];
+  }
+}
+
 template <class Fetch>
 HWY_INLINE void ShadeWith(const Fetch& fetch, const SceneFrame& scene, const InstanceShade* shades,
                           const TextureStore& textures, ShadeItems& items) {
@@ -297,17 +367,10 @@ HWY_INLINE void ShadeWith(const Fetch& fetch, const SceneFrame& scene, const Ins
   const UintTag du;
   const std::size_t lanes = hn::Lanes(df);
   if (items.count == 0) return;
-  // the last vector is filled with its last item
-  for (std::size_t i = items.count; i < items.count + lanes; ++i) {
-    items.triangle[i] = items.triangle[items.count - 1];
-    items.instance[i] = items.instance[items.count - 1];
-    items.x_px[i] = items.x_px[items.count - 1];
-    items.y_px[i] = items.y_px[items.count - 1];
-  }
+  PadItems(items, lanes);
   const auto* shade_words = reinterpret_cast<const std::uint32_t*>(shades);
   const auto* shade_floats = reinterpret_cast<const float*>(shades);
   const I shade_stride = hn::Set(di, sizeof(InstanceShade) / 4);
-  const V3 sun = Set3(scene.sun_direction);
   HWY_ALIGN std::int32_t first[2][16], width[2][16], height[2][16], level_int[16], character[16];
   HWY_ALIGN float level_float[16];
   for (std::size_t i = 0; i < items.count; i += lanes) {
@@ -410,27 +473,10 @@ HWY_INLINE void ShadeWith(const Fetch& fetch, const SceneFrame& scene, const Ins
       mask.g = hn::Mul(mask.g, masked);
       mask.b = hn::Mul(mask.b, masked);
       mask.a = hn::Mul(mask.a, masked);
-      const F rest =
-          hn::Max(hn::Zero(df),
-                  hn::Sub(Set(1.0F), hn::Add(hn::Add(mask.r, mask.g), hn::Add(mask.b, mask.a))));
-      V3 tint{rest, rest, rest};
-      const F* weights[4] = {&mask.r, &mask.g, &mask.b, &mask.a};
-      for (int region = 0; region < 4; ++region) {
-        // element::pack_tint stores halves
-        const V3 color = Unpack(hn::GatherIndex(du, shade_words + 4 + region, instance));
-        tint = Add3(tint, Scale3(color, Times(*weights[region], 2.0F)));
-      }
-      albedo = {hn::Mul(albedo.x, tint.x), hn::Mul(albedo.y, tint.y), hn::Mul(albedo.z, tint.z)};
+      albedo = Tinted(albedo, mask, shade_words, instance);
     }
     if (!hn::AllFalse(du, has_channel)) {
-      const F luma =
-          hn::Add(hn::Add(Times(Linear(base.r), 0.2126F), Times(Linear(base.g), 0.7152F)),
-                  Times(Linear(base.b), 0.0722F));
-      const V3 color = Scale3(Unpack(channel), hn::Add(Times(hn::Sqrt(luma), 0.45F), Set(0.55F)));
-      const auto chosen = hn::RebindMask(df, has_channel);
-      albedo = {hn::IfThenElse(chosen, color.x, albedo.x),
-                hn::IfThenElse(chosen, color.y, albedo.y),
-                hn::IfThenElse(chosen, color.z, albedo.z)};
+      albedo = Colored({Linear(base.r), Linear(base.g), Linear(base.b)}, albedo, channel);
     }
 
     // light
@@ -439,31 +485,9 @@ HWY_INLINE void ShadeWith(const Fetch& fetch, const SceneFrame& scene, const Ins
     const auto behind = hn::Lt(determinant, hn::Zero(df));
     const F side = hn::IfThenElse(behind, Set(-1.0F), Set(1.0F));
     n = Scale3(n, side);
-    const F rise = Clamp01(Times(hn::Add(hn::Sub(place.z, feet.z), Set(0.05F)), 1.0F / 0.8F));
-    const F smooth = hn::Mul(hn::Mul(rise, rise), hn::Sub(Set(3.0F), hn::Add(rise, rise)));
-    const F ao = hn::Add(Set(0.55F), Times(smooth, 0.45F));
-    F facing = Clamp01(Times(hn::Add(Dot3(n, sun), Set(0.22F)), 1.0F / 1.22F));
-    facing = hn::Mul(facing, hn::Add(Times(facing, 0.4F), Set(0.6F)));
-    const F up_share = hn::Add(Times(n.z, 0.5F), Set(0.5F));
-    const F direct = hn::Mul(facing, hn::Add(Times(ao, 0.25F), Set(0.75F)));
     const V3 to_eye = scene.orthographic ? Scale3(ray, Set(-1.0F)) : Unit3(Scale3(ray, Set(-1.0F)));
-    const F edge = hn::Sub(Set(1.0F), Clamp01(Dot3(n, to_eye)));
-    const F rim = hn::Mul(hn::Mul(hn::Mul(edge, edge), edge),
-                          Times(hn::Add(Times(hn::Mul(n.z, n.z), 0.65F), Set(0.35F)), 0.16F));
-    F gloss = Clamp01(Dot3(n, Unit3(Add3(sun, to_eye))));
-    for (int power = 0; power < 4; ++power) gloss = hn::Mul(gloss, gloss);
-    gloss = Times(hn::Mul(gloss, facing), 0.035F);
-    const F rim_ao = hn::Mul(rim, ao);
-    const auto lit = [&](F a, float sun_c, float sky_c, float low_c) HWY_ATTR {
-      const F sky_light = hn::Mul(hn::Add(Set(low_c), Times(up_share, sky_c - low_c)), ao);
-      const F light = hn::Add(Times(direct, sun_c), sky_light);
-      return hn::Add(hn::Add(hn::Mul(a, light), Times(rim_ao, sky_c)), Times(gloss, sun_c));
-    };
-    V3 color{lit(albedo.x, scene.sun_color.x, scene.sky_color.x, scene.ground_light.x),
-             lit(albedo.y, scene.sun_color.y, scene.sky_color.y, scene.ground_light.y),
-             lit(albedo.z, scene.sun_color.z, scene.sky_color.z, scene.ground_light.z)};
-    if (!scene.orthographic) color = Haze(scene, color, hn::Sqrt(Dot3(place, place)));
-    color = ToneMap(color);
+    const V3 color =
+        Lit(scene, albedo, n, to_eye, hn::Sub(place.z, feet.z), hn::Sqrt(Dot3(place, place)));
     hn::Store(color.x, df, items.rgb[0] + i);
     hn::Store(color.y, df, items.rgb[1] + i);
     hn::Store(color.z, df, items.rgb[2] + i);
@@ -478,6 +502,79 @@ void ShadeOwn(const SceneFrame& scene, const FrameGeometry& geometry, const Inst
 void ShadeShared(const SceneFrame& scene, const SharedMeshes& meshes, const InstanceShade* shades,
                  const TextureStore& textures, ShadeItems& items) {
   ShadeWith(SharedFetch{meshes}, scene, shades, textures, items);
+}
+
+void ShadeFlat(const SceneFrame& scene, const SharedMeshes& meshes, const InstanceShade* shades,
+               ShadeItems& items) {
+  const FloatTag df;
+  const IntTag di;
+  const UintTag du;
+  const std::size_t lanes = hn::Lanes(df);
+  if (items.count == 0) return;
+  PadItems(items, lanes);
+  const auto* shade_words = reinterpret_cast<const std::uint32_t*>(shades);
+  const auto* shade_floats = reinterpret_cast<const float*>(shades);
+  const auto* mesh_words = reinterpret_cast<const std::int32_t*>(meshes.shades);
+  const auto* mesh_floats = reinterpret_cast<const float*>(meshes.shades);
+  const auto* normals = reinterpret_cast<const std::int32_t*>(meshes.posed);
+  const auto* tones = reinterpret_cast<const std::uint32_t*>(meshes.tones);
+  static_assert(sizeof(InstanceShade) == 48 && sizeof(SharedShade) == 32);
+  for (std::size_t i = 0; i < items.count; i += lanes) {
+    const I triangle = hn::Load(di, items.triangle + i);
+    const I number = hn::Load(di, items.instance + i);
+    const I instance = hn::Mul(number, hn::Set(di, 12));
+    const I at = hn::ShiftLeft<3>(number);
+    const U word = hn::GatherIndex(du, meshes.corners, triangle);
+    const I tone = hn::Add(triangle, triangle);
+    const U base = hn::GatherIndex(du, tones, tone);
+    const U regions = hn::GatherIndex(du, tones + 1, tone);
+    const I posed = hn::GatherIndex(di, mesh_words, at);
+    const I stride = hn::GatherIndex(di, mesh_words + 1, at);
+    const F cosine = hn::GatherIndex(df, mesh_floats + 4, at);
+    const F sine = hn::GatherIndex(df, mesh_floats + 5, at);
+    const F scale = hn::GatherIndex(df, mesh_floats + 6, at);
+    const V3 feet{hn::GatherIndex(df, shade_floats, instance),
+                  hn::GatherIndex(df, shade_floats + 1, instance),
+                  hn::GatherIndex(df, shade_floats + 2, instance)};
+    // the corners' mean normal and height
+    const U ten = hn::Set(du, 1023);
+    const I z_column = hn::Add(posed, hn::Add(stride, stride));
+    V3 n{hn::Zero(df), hn::Zero(df), hn::Zero(df)};
+    F z = hn::Zero(df);
+    const auto corner = [&](I c) HWY_ATTR {
+      const I here = hn::Add(z_column, c);
+      z = hn::Add(z, hn::GatherIndex(df, meshes.posed, here));
+      n = Add3(n, Octahedral(hn::GatherIndex(di, normals, hn::Add(here, stride))));
+    };
+    corner(hn::BitCast(di, hn::And(word, ten)));
+    corner(hn::BitCast(di, hn::And(hn::ShiftRight<10>(word), ten)));
+    corner(hn::BitCast(di, hn::ShiftRight<20>(word)));
+    n = Unit3({hn::Sub(hn::Mul(n.x, cosine), hn::Mul(n.y, sine)),
+               hn::Add(hn::Mul(n.x, sine), hn::Mul(n.y, cosine)), hn::Mul(n.z, scale)});
+    const F above_m = Times(hn::Mul(z, scale), 1.0F / 3.0F);
+    V3 to_eye = Set3(-scene.ray_direction);
+    if (!scene.orthographic) to_eye = Unit3(Scale3(feet, Set(-1.0F)));
+    // what is double-sided shows the side it is seen from
+    const auto flips = hn::And(hn::Lt(Dot3(n, to_eye), hn::Zero(df)),
+                               hn::Gt(hn::GatherIndex(df, mesh_floats + 7, at), hn::Zero(df)));
+    n = Scale3(n, hn::IfThenElse(flips, Set(-1.0F), Set(1.0F)));
+    const V3 color = Unpack(base);
+    const U byte = hn::Set(du, 255);
+    const auto region = [&](U bits) HWY_ATTR {
+      return Times(hn::ConvertTo(df, hn::BitCast(di, hn::And(bits, byte))), 1.0F / 255.0F);
+    };
+    const Rgba mask{region(regions), region(hn::ShiftRight<8>(regions)),
+                    region(hn::ShiftRight<16>(regions)), region(hn::ShiftRight<24>(regions))};
+    V3 albedo = Tinted(color, mask, shade_words, instance);
+    const U channel = hn::GatherIndex(du, shade_words + 9, instance);
+    if (!hn::AllTrue(du, hn::Eq(channel, hn::Set(du, kNoChannel)))) {
+      albedo = Colored(color, albedo, channel);
+    }
+    const V3 lit = Lit(scene, albedo, n, to_eye, above_m, hn::Sqrt(Dot3(feet, feet)));
+    hn::Store(lit.x, df, items.rgb[0] + i);
+    hn::Store(lit.y, df, items.rgb[1] + i);
+    hn::Store(lit.z, df, items.rgb[2] + i);
+  }
 }
 
 /// Share of [p - w/2, p + w/2] on lines of this half width, one each period (see gl/shaders.cpp).
@@ -666,8 +763,64 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace throng::render::visibility {
 
+namespace {
+
+/// Mean over a triangle's part of an image, from the mip level where it has about 16 texels;
+/// `decode` makes a vector of a texel.
+template <typename Decode>
+glm::vec4 mean_of(const std::uint32_t* texels, int width, int height, int levels,
+                  const glm::vec2 uv[3], const Decode& decode) {
+  const glm::vec2 a = uv[1] - uv[0], b = uv[2] - uv[0];
+  float area = 0.5F * std::abs(a.x * b.y - a.y * b.x) * static_cast<float>(width) *
+               static_cast<float>(height);
+  for (int level = 1; level < levels && area > 16.0F; ++level, area *= 0.25F) {
+    texels += width * height;
+    width = std::max(1, width >> 1);
+    height = std::max(1, height >> 1);
+  }
+  constexpr int kSteps = 5;
+  glm::vec4 sum(0.0F);
+  int count = 0;
+  for (int i = 0; i < kSteps; ++i) {
+    for (int j = 0; i + j < kSteps; ++j, ++count) {
+      const glm::vec2 p = uv[0] + a * ((static_cast<float>(i) + 1.0F / 3.0F) / kSteps) +
+                          b * ((static_cast<float>(j) + 1.0F / 3.0F) / kSteps);
+      const int x = std::clamp(static_cast<int>(p.x * static_cast<float>(width)), 0, width - 1);
+      const int y = std::clamp(static_cast<int>(p.y * static_cast<float>(height)), 0, height - 1);
+      sum += decode(texels[y * width + x]);
+    }
+  }
+  return sum / static_cast<float>(count);
+}
+
+glm::vec4 components_of(std::uint32_t texel) {
+  return glm::vec4(texel & 255U, texel >> 8 & 255U, texel >> 16 & 255U, texel >> 24) / 255.0F;
+}
+
+TriangleTone tone_of(const TextureInfo& info, const TextureStore& textures, const glm::vec2 uv[3]) {
+  TriangleTone tone{};
+  const glm::vec4 base =
+      mean_of(textures.texels.data() + info.base_first, info.base_width, info.base_height,
+              info.base_levels, uv, [](std::uint32_t texel) {
+                const glm::vec4 c = components_of(texel);
+                return glm::vec4(element::linear_from_srgb(c.r), element::linear_from_srgb(c.g),
+                                 element::linear_from_srgb(c.b), 0.0F);
+              });
+  tone.base = element::pack_color(glm::vec3(base));
+  if (info.mask_first < 0) return tone;
+  const glm::vec4 mask = mean_of(textures.texels.data() + info.mask_first, info.mask_width,
+                                 info.mask_height, info.mask_levels, uv, components_of);
+  for (int k = 0; k < 4; ++k) {
+    tone.regions |= static_cast<std::uint32_t>(mask[k] * 255.0F + 0.5F) << (8 * k);
+  }
+  return tone;
+}
+
+}  // namespace
+
 HWY_EXPORT(ShadeOwn);
 HWY_EXPORT(ShadeShared);
+HWY_EXPORT(ShadeFlat);
 HWY_EXPORT(ShadeBackground);
 HWY_EXPORT(ShadeBlob);
 HWY_EXPORT(EncodeRow);
@@ -681,6 +834,29 @@ void shade_shared_items(const SceneFrame& scene, const SharedMeshes& meshes,
                         const InstanceShade* shades, const TextureStore& textures,
                         ShadeItems& items) {
   HWY_DYNAMIC_DISPATCH(ShadeShared)(scene, meshes, shades, textures, items);
+}
+
+void shade_flat_items(const SceneFrame& scene, const SharedMeshes& meshes,
+                      const InstanceShade* shades, ShadeItems& items) {
+  HWY_DYNAMIC_DISPATCH(ShadeFlat)(scene, meshes, shades, items);
+}
+
+std::vector<TriangleTone> make_tones(const Cast& cast, const LevelTable& levels,
+                                     const TextureStore& textures) {
+  std::vector<TriangleTone> tones(levels.corners.size());
+  for (const Level& level : levels.levels) {
+    const Character& character = cast.members[level.character].character;
+    const TextureInfo& info = textures.infos[level.character];
+    for (std::uint32_t t = 0; t < level.triangle_count; ++t) {
+      glm::vec2 uv[3];
+      for (int k = 0; k < 3; ++k) {
+        const std::uint32_t c = corner_of(levels.corners[level.first_triangle + t], k);
+        uv[k] = glm::vec2(character.uv[c]) / 65535.0F;
+      }
+      tones[level.first_triangle + t] = tone_of(info, textures, uv);
+    }
+  }
+  return tones;
 }
 
 void shade_background(const SceneFrame& scene, int x_px, int y_px, int count, float* r, float* g,

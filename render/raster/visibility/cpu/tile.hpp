@@ -105,6 +105,7 @@ struct TileCounters {
   std::uint64_t surviving = 0;  // after back-face, no-sample and off-tile culls
   std::uint64_t instances = 0;  // drawn
   std::uint64_t hidden = 0;     // instances not drawn: behind what is there
+  std::uint64_t shaded = 0;     // pixels of figures, each once for every instance seen in it
 };
 
 /// Empties the planes.
