@@ -15,6 +15,7 @@ namespace {
 
 constexpr double kFarthestM = 1e7;
 constexpr int kMostPoints = 50'000;
+constexpr int kDeepest = 64;  // GEOS reads collections within collections by recursion
 
 /// A GEOS context that keeps what it complains about.
 class Geos {
@@ -87,9 +88,9 @@ Geometry filled(const Geos& geos, const GEOSGeometry* area) {
     shells.push_back(
         GEOSGeom_createPolygon_r(geos.get(), GEOSGeom_clone_r(geos.get(), ring), nullptr, 0));
   });
-  const Geometry all =
-      own(geos, GEOSGeom_createCollection_r(geos.get(), GEOS_MULTIPOLYGON, shells.data(),
-                                            static_cast<unsigned>(shells.size())));
+  Geometry all = own(geos, GEOSGeom_createCollection_r(geos.get(), GEOS_MULTIPOLYGON, shells.data(),
+                                                       static_cast<unsigned>(shells.size())));
+  if (all == nullptr) return all;
   return own(geos, GEOSUnaryUnion_r(geos.get(), all.get()));
 }
 
@@ -108,6 +109,13 @@ void add_edges(const Geos& geos, const GEOSGeometry* ring, bool is_hole, const g
 /// Reads polygons and checks all that is quickly checked.
 absl::StatusOr<Geometry> read_area(const Geos& geos, const std::string& wkt,
                                    const glm::dvec2& origin_m) {
+  int depth = 0;
+  for (const char c : wkt) {
+    depth += c == '(' ? 1 : c == ')' ? -1 : 0;
+    if (depth <= kDeepest) continue;
+    return absl::InvalidArgumentError(absl::StrCat(
+        "walkable area: its parentheses are nested deeper than ", kDeepest, " levels"));
+  }
   const std::unique_ptr<GEOSWKTReader, std::function<void(GEOSWKTReader*)>> reader(
       GEOSWKTReader_create_r(geos.get()),
       [&geos](GEOSWKTReader* r) { GEOSWKTReader_destroy_r(geos.get(), r); });
@@ -148,13 +156,13 @@ absl::StatusOr<Geometry> read_area(const Geos& geos, const std::string& wkt,
 }  // namespace
 
 absl::Status check_area(const std::string& wkt, const glm::dvec2& origin_m) {
-  const Geos geos;
+  Geos geos;
   return read_area(geos, wkt, origin_m).status();
 }
 
 absl::StatusOr<Footprint> solids_around(const std::string& wkt, const glm::dvec2& origin_m,
                                         double thickness_m) {
-  const Geos geos;
+  Geos geos;
   const auto read = read_area(geos, wkt, origin_m);
   if (!read.ok()) return read.status();
 

@@ -22,17 +22,19 @@ EnvironmentBuilder::~EnvironmentBuilder() {
 absl::Status EnvironmentBuilder::build(const std::string& name,
                                        const std::shared_ptr<render::Crowd>& crowd,
                                        std::string wkt) {
-  if (wkt.empty()) {
-    crowd->set_environment(nullptr);
-  } else if (absl::Status status = render::check_environment(wkt, crowd->settings().origin_world);
-             !status.ok()) {
-    return status;
+  if (!wkt.empty()) {
+    absl::Status status = render::check_environment(wkt, crowd->settings().origin_world);
+    if (!status.ok()) return status;
   }
   {
     const std::lock_guard lock(mutex_);
     std::erase_if(jobs_, [&](const Job& job) { return job.crowd.lock() == crowd; });
-    if (wkt.empty()) return absl::OkStatus();
-    jobs_.push_back({name, crowd, std::move(wkt)});
+    if (wkt.empty()) {
+      if (building_.lock() == crowd) building_.reset();
+      crowd->set_environment(nullptr);
+    } else {
+      jobs_.push_back({name, crowd, std::move(wkt)});
+    }
   }
   changed_.notify_all();
   return absl::OkStatus();
@@ -51,11 +53,13 @@ void EnvironmentBuilder::run() {
     const Job job = std::move(jobs_.front());
     jobs_.pop_front();
     is_building_ = true;
+    building_ = job.crowd;
     lock.unlock();
     if (const std::shared_ptr<render::Crowd> crowd = job.crowd.lock()) {
       auto made = render::make_environment(job.wkt, crowd->settings().origin_world);
       if (made.ok()) {
-        crowd->set_environment(*std::move(made));
+        const std::lock_guard relock(mutex_);
+        if (building_.lock() == crowd) crowd->set_environment(*std::move(made));
       } else {
         spdlog::warn("event=no_walls crowd={} error=\"{}\"", job.name,
                      std::string(made.status().message()));

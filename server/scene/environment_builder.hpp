@@ -41,6 +41,7 @@ class EnvironmentBuilder {
   std::condition_variable changed_;
   std::deque<Job> jobs_;
   bool is_building_ = false, stop_ = false;
+  std::weak_ptr<render::Crowd> building_;  // for whom; none once it wants no walls
   std::thread thread_;
 };
 

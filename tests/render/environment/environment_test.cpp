@@ -107,5 +107,18 @@ TEST(EnvironmentTest, BadInputIsRefusedByName) {
   EXPECT_FALSE(make_environment("POLYGON ((0 0, 1 0, 1 1, 0 0))", {}, {.wall_height_m = 0}).ok());
 }
 
+TEST(EnvironmentTest, CollectionsNestedTooDeepAreRefusedBeforeTheyAreRead) {
+  const auto nested = [](int depth) {
+    std::string wkt;
+    for (int i = 0; i < depth; ++i) wkt += "GEOMETRYCOLLECTION (";
+    wkt += "POLYGON ((0 0, 1 0, 1 1, 0 0))";
+    return wkt + std::string(static_cast<std::size_t>(depth), ')');
+  };
+  EXPECT_TRUE(check_environment(nested(20), {}).ok());
+  const absl::Status status = check_environment(nested(50'000), {});
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(status.message()), testing::HasSubstr("nested"));
+}
+
 }  // namespace
 }  // namespace throng::render
