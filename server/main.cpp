@@ -13,6 +13,7 @@
 
 #include "server/doctor.hpp"
 #include "server/rpc/server.hpp"
+#include "server/web/door.hpp"
 #include "throng/render/asset.hpp"
 #include "throng/render/raster.hpp"
 
@@ -112,11 +113,24 @@ void add_network(CLI::App& app, ServerOptions& options) {
   add_ms("--drain-ms", options.drain_time, "Time that calls have to end when the server stops");
 }
 
+void add_web(CLI::App& app, throng::server::WebOptions& web) {
+  const char* const kGroup = "Browsers";
+  web.http.clear();
+  app.add_option("--http", web.http, "HOST:PORT of the page for browsers, /metrics and /healthz")
+      ->group(kGroup);
+  app.add_option("--http-host", web.hosts, "Name that browsers may call this server by, repeatable")
+      ->group(kGroup);
+  app.add_option("--web-root", web.web_root, "Folder of the page, instead of the one compiled in")
+      ->check(CLI::ExistingDirectory)
+      ->group(kGroup);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   ServerOptions options;
   options.version = THRONG_VERSION;
+  throng::server::WebOptions web;
   throng::render::FramePipelineOptions pipeline;
   std::string cast_folder, raster = "auto", log_level = "info";
   bool doctor = false, json = false;
@@ -148,6 +162,7 @@ int main(int argc, char** argv) {
   app.add_flag("--doctor", doctor, "Print what this machine can draw with, and why not; then exit");
   app.add_flag("--json", json, "With --doctor: as JSON");
   add_network(app, options);
+  add_web(app, web);
   add_limits(app, options);
   app.footer(
       "Examples:\n"
@@ -155,6 +170,7 @@ int main(int argc, char** argv) {
       "  throng-server --listen 127.0.0.1:0              any free port; it is printed\n"
       "  throng-server --listen 0.0.0.0:7447 --tls-cert cert.pem --tls-key key.pem \\\n"
       "                --token-file tokens               for other machines\n"
+      "  throng-server --http 127.0.0.1:7480             with a page for browsers\n"
       "  throng-server --doctor --json                   what EGL, CUDA and rasterizers can do "
       "here\n"
       "Exit codes: 0 stopped in order, 1 failure, 2 usage, 3 bad input, 4 nothing to draw with.");
@@ -201,6 +217,15 @@ int main(int argc, char** argv) {
     return fail(device ? kNoDevice : exit_code(server.status()),
                 std::string(server.status().message()));
   }
+  std::unique_ptr<throng::server::WebDoor> door;
+  if (!web.http.empty()) {
+    web.insecure = options.listen.insecure;
+    auto opened = throng::server::WebDoor::open(web, (*server)->services());
+    if (!opened.ok())
+      return fail(exit_code(opened.status()), std::string(opened.status().message()));
+    door = *std::move(opened);
+    std::printf("throng-server page at http://%s/\n", door->address().c_str());
+  }
   // The one line that scripts wait for.
   std::printf("throng-server ready on %s, cast of %zu, compute %s, raster %s\n",
               (*server)->address().c_str(), shared_cast->members.size(),
@@ -216,6 +241,7 @@ int main(int argc, char** argv) {
     sigwait(&signals, &again);
     std::_Exit(128 + again);
   }).detach();
+  door.reset();
   (*server)->drain();
   spdlog::info("event=stopped");
   return kOk;

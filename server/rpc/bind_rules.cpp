@@ -22,6 +22,16 @@ bool split_address(const std::string& address, std::string& host, std::string& p
   return host.find(':') == std::string::npos;
 }
 
+absl::Status read_address(const char* flag, const std::string& address, std::string& host) {
+  std::string port;
+  std::uint32_t number = 0;
+  if (split_address(address, host, port) && absl::SimpleAtoi(port, &number) && number <= 65535) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(absl::StrCat(
+      flag, ": '", address, "' is not HOST:PORT or [IPv6]:PORT with a port up to 65535"));
+}
+
 }  // namespace
 
 bool is_loopback(const std::string& host) {
@@ -34,13 +44,9 @@ bool is_loopback(const std::string& host) {
 }
 
 absl::Status check_bind(const ListenOptions& options) {
-  std::string host, port;
-  std::uint32_t number = 0;
-  if (!split_address(options.listen, host, port) || !absl::SimpleAtoi(port, &number) ||
-      number > 65535) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("--listen: '", options.listen,
-                     "' is not HOST:PORT or [IPv6]:PORT with a port up to 65535"));
+  std::string host;
+  if (absl::Status status = read_address("--listen", options.listen, host); !status.ok()) {
+    return status;
   }
   if (options.tls_cert_file.empty() != options.tls_key_file.empty()) {
     return absl::InvalidArgumentError("--tls-cert and --tls-key: one was given without the other");
@@ -53,6 +59,16 @@ absl::Status check_bind(const ListenOptions& options) {
   return absl::FailedPreconditionError(
       absl::StrCat("--listen: ", options.listen, " can be reached from other machines; add", list,
                    ", or --insecure if everybody there may see and feed the crowds"));
+}
+
+absl::Status check_http_bind(const std::string& address, bool insecure) {
+  std::string host;
+  if (absl::Status status = read_address("--http", address, host); !status.ok()) return status;
+  if (is_loopback(host) || insecure) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(
+      "--http: ", address,
+      " can be reached from other machines and is plain HTTP; bind loopback "
+      "behind an HTTPS proxy or an ssh tunnel, or add --insecure if everybody there may look"));
 }
 
 }  // namespace throng::server

@@ -23,4 +23,8 @@ bool is_loopback(const std::string& host);
 /// address that can't be read and for a TLS certificate without its key.
 absl::Status check_bind(const ListenOptions& options);
 
+/// The same for the web door, `address` being HOST:PORT: it speaks plain HTTP, so that any address
+/// but loopback wants `insecure`.
+absl::Status check_http_bind(const std::string& address, bool insecure);
+
 }  // namespace throng::server

@@ -40,6 +40,77 @@ absl::Status out_of_range(const char* field, double value, double low, double hi
       absl::StrCat("options.", field, ": it is ", value, ", must be ", low, " to ", high));
 }
 
+constexpr std::uint32_t kMostAgentColumns = 5000;  // 20 bytes each, in every frame
+
+/// The time of the frame `steps` frames on from (or before) `time_us`, within the history.
+std::int64_t stepped(const render::Crowd& crowd, std::int64_t time_us, std::int32_t steps) {
+  for (; steps > 0; --steps) {
+    const render::Bracket bracket = crowd.bracket(time_us);
+    if (bracket.newer == nullptr || bracket.newer->time_us <= time_us) break;
+    time_us = bracket.newer->time_us;
+  }
+  for (; steps < 0; ++steps) {
+    const render::Bracket bracket = crowd.bracket(time_us - 1);
+    if (bracket.older == nullptr || bracket.older->time_us >= time_us) break;
+    time_us = bracket.older->time_us;
+  }
+  return time_us;
+}
+
+absl::Status apply_playback(const v1::Playback& playback, Clock::time_point now,
+                            ViewRequest& request) {
+  constexpr double kSlowest = 0.01, kFastest = 64.0;
+  constexpr std::int32_t kMostSteps = 1000;
+  const Moment moment = request.crowd->moment(now);
+  Playhead& playhead = request.playhead;
+  const std::int64_t here_us = playhead.at(now, moment.oldest_time_us, moment.scene_time_us);
+  if (playback.has_speed()) {
+    const double size = std::abs(playback.speed());
+    if (!(size >= kSlowest && size <= kFastest)) {
+      return absl::InvalidArgumentError(absl::StrCat("options.playback.speed: it is ",
+                                                     playback.speed(), ", must be ", kSlowest,
+                                                     " to ", kFastest, " or the same below 0"));
+    }
+    if (!playhead.live || playback.speed() != 1.0) playhead.go_to(here_us, now);
+    playhead.speed = playback.speed();
+  }
+  if (playback.has_paused()) {
+    if (!playhead.live || playback.paused()) playhead.go_to(here_us, now);
+    playhead.paused = playback.paused();
+  }
+  switch (playback.move_case()) {
+    case v1::Playback::kLive:
+      if (playback.live()) {
+        playhead = Playhead();
+      } else {
+        playhead.go_to(here_us, now);
+      }
+      break;
+    case v1::Playback::kSceneTimeUs: {
+      absl::Status status =
+          check_scene_time("options.playback.scene_time_us", playback.scene_time_us());
+      if (!status.ok()) return status;
+      playhead.go_to(
+          std::clamp(playback.scene_time_us(),
+                     std::min(moment.oldest_time_us, moment.scene_time_us), moment.scene_time_us),
+          now);
+      break;
+    }
+    case v1::Playback::kStepFrames:
+      if (std::abs(static_cast<std::int64_t>(playback.step_frames())) > kMostSteps) {
+        return absl::InvalidArgumentError(absl::StrCat("options.playback.step_frames: it is ",
+                                                       playback.step_frames(),
+                                                       ", must be within +-", kMostSteps));
+      }
+      playhead.go_to(stepped(*moment.crowd, here_us, playback.step_frames()), now);
+      playhead.paused = true;
+      break;
+    case v1::Playback::MOVE_NOT_SET:
+      break;
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 grpc::Status to_grpc(const absl::Status& status) {
@@ -93,12 +164,17 @@ void fill_camera(const render::Camera& camera, v1::Camera& message) {
 }
 
 absl::Status apply_options(const v1::ViewOptions& options, const Registry& registry,
-                           ViewRequest& request) {
+                           Clock::time_point now, ViewRequest& request) {
   const Limits& limits = registry.limits();
   ViewRequest next = request;
   if (options.has_crowd_name()) {
     auto crowd = registry.find(options.crowd_name());
     if (!crowd.ok()) return crowd.status();
+    if (next.crowd != *crowd) {
+      // Times and agents are the crowd's own.
+      next.playhead = Playhead();
+      next.follow_agent = 0;
+    }
     next.crowd = *std::move(crowd);
   }
   if (next.crowd == nullptr) {
@@ -166,6 +242,19 @@ absl::Status apply_options(const v1::ViewOptions& options, const Registry& regis
                                                    next.channel_high));
   }
   if (options.has_shadows()) next.shadows = options.shadows();
+  if (options.has_follow_agent()) next.follow_agent = options.follow_agent();
+  if (options.has_max_agent_columns()) {
+    if (options.max_agent_columns() > kMostAgentColumns) {
+      return out_of_range("max_agent_columns", options.max_agent_columns(), 0, kMostAgentColumns);
+    }
+    next.max_agent_columns = options.max_agent_columns();
+  }
+  if (options.has_density()) next.density = options.density();
+  if (options.has_stamp()) next.stamp = options.stamp();
+  if (options.has_playback()) {
+    absl::Status status = apply_playback(options.playback(), now, next);
+    if (!status.ok()) return status;
+  }
   request = std::move(next);
   return absl::OkStatus();
 }
@@ -189,6 +278,85 @@ void fill_stats(const EncodedFrame& frame, v1::FrameStats& message) {
   message.set_triangles(counters.triangles);
   message.set_vertex_budget(frame.vertex_budget);
   message.set_effective_budget(counters.effective_budget);
+}
+
+void fill_frame(const EncodedFrame& frame, v1::StreamViewResponse& message) {
+  message.set_scene_time_us(frame.scene_time_us);
+  message.set_capture_time_us(frame.newest_time_us);
+  message.set_oldest_time_us(frame.oldest_time_us);
+  message.set_width_px(frame.viewport.width_px);
+  message.set_height_px(frame.viewport.height_px);
+  message.set_server_ms(frame.server_ms);
+  message.set_live(frame.live);
+  message.set_followed_agent(frame.followed_agent);
+  fill_stats(frame, *message.mutable_stats());
+  fill_camera(frame.camera, *message.mutable_camera());
+}
+
+void fill_playback(const Playhead& playhead, std::int64_t scene_time_us, v1::Playback& message) {
+  if (playhead.live) {
+    message.set_live(true);
+  } else {
+    message.set_scene_time_us(scene_time_us);
+  }
+  message.set_paused(playhead.paused);
+  message.set_speed(playhead.speed);
+}
+
+namespace {
+
+template <typename T>
+void set_bytes(const std::vector<T>& column, std::string& bytes) {
+  bytes.assign(reinterpret_cast<const char*>(column.data()), column.size() * sizeof(T));
+}
+
+}  // namespace
+
+void fill_agents(const AgentList& agents, const glm::dvec3& origin_world,
+                 v1::AgentColumns& message) {
+  set_bytes(agents.ids, *message.mutable_ids());
+  set_bytes(agents.position_m, *message.mutable_positions());
+  set_bytes(agents.values, *message.mutable_values());
+  fill_point(origin_world, *message.mutable_origin());
+  message.set_left_out(agents.left_out);
+}
+
+void fill_density(const DensityMap& map, v1::DensityGrid& message) {
+  message.set_low_x(map.low_world.x);
+  message.set_low_y(map.low_world.y);
+  message.set_ground_z(map.low_world.z);
+  message.set_cell_m(map.cell_m);
+  message.set_columns(map.columns);
+  message.set_highest(map.highest);
+  std::string& levels = *message.mutable_levels();
+  levels.reserve(map.density.size());
+  for (const float density : map.density) {
+    const float level = map.highest > 0.0F ? 255.0F * density / map.highest : 0.0F;
+    levels.push_back(static_cast<char>(static_cast<unsigned char>(level + 0.5F)));
+  }
+}
+
+void fill_agent(const ShownAgent& agent, const AgentsAt& agents, const NamedCrowd& named,
+                const render::Crowd& crowd, v1::PickAgentResponse& message) {
+  message.set_found(true);
+  message.set_id(agent.id);
+  fill_point(agent.position_world, *message.mutable_position());
+  message.set_speed_mps(agent.speed_mps);
+  message.set_heading_rad(agent.heading_rad);
+  const render::Snapshot& snapshot = *agents.bracket.older;
+  if (agent.slot < snapshot.roster->id.size() && snapshot.roster->id[agent.slot] == agent.id) {
+    const std::size_t character = snapshot.roster->character[agent.slot];
+    if (character < crowd.cast().members.size()) {
+      message.set_character(crowd.cast().members[character].character.name);
+    }
+    const std::vector<ChannelInfo> channels = named.channels();
+    for (std::size_t i = 0; i < channels.size() && i < snapshot.channels.size(); ++i) {
+      v1::NamedValue& value = *message.add_values();
+      value.mutable_channel()->set_name(channels[i].name);
+      value.mutable_channel()->set_unit(channels[i].unit);
+      value.set_value(snapshot.channels[i][agent.slot]);
+    }
+  }
 }
 
 void fill_crowd(const CrowdReport& report, v1::CrowdInfo& message) {

@@ -8,9 +8,14 @@
 #include "server/view/viewer.hpp"
 
 namespace throng::v1 {
+class AgentColumns;
 class Camera;
 class CrowdInfo;
+class DensityGrid;
 class FrameStats;
+class PickAgentResponse;
+class Playback;
+class StreamViewResponse;
 class StartPublishing;
 class ViewOptions;
 }  // namespace throng::v1
@@ -28,7 +33,16 @@ void fill_camera(const render::Camera& camera, v1::Camera& message);
 /// Puts what `options` carries into `request` and leaves the rest. NotFound: unknown crowd;
 /// InvalidArgument: a field out of range (also the first time, when there is no crowd_name).
 absl::Status apply_options(const v1::ViewOptions& options, const Registry& registry,
-                           ViewRequest& request);
+                           Clock::time_point now, ViewRequest& request);
+
+/// What all viewers of a frame are told of it; not its image, and nothing of the viewer.
+void fill_frame(const EncodedFrame& frame, v1::StreamViewResponse& message);
+void fill_playback(const Playhead& playhead, std::int64_t scene_time_us, v1::Playback& message);
+void fill_agents(const AgentList& agents, const glm::dvec3& origin_world,
+                 v1::AgentColumns& message);
+void fill_density(const DensityMap& map, v1::DensityGrid& message);
+void fill_agent(const ShownAgent& agent, const AgentsAt& agents, const NamedCrowd& named,
+                const render::Crowd& crowd, v1::PickAgentResponse& message);
 
 void fill_stats(const EncodedFrame& frame, v1::FrameStats& message);
 void fill_crowd(const CrowdReport& report, v1::CrowdInfo& message);

@@ -69,56 +69,56 @@ class CrowdService final : public v1::CrowdService::CallbackService {
   Services& services_;
 };
 
+std::shared_ptr<const v1::GetServerInfoResponse> make_server_info(const Services& services,
+                                                                  const render::Cast& cast,
+                                                                  const std::string& version) {
+  auto info = std::make_shared<v1::GetServerInfoResponse>();
+  info->set_version(version);
+  info->set_server_run_id(services.server_run_id);
+  info->set_compute_backend(services.loop->compute_name());
+  info->set_rasterizer(services.loop->raster_name());
+  const Limits& from = services.registry->limits();
+  v1::Limits& limits = *info->mutable_limits();
+  limits.set_max_message_bytes(from.max_message_bytes);
+  limits.set_max_crowds(from.max_crowds);
+  limits.set_max_viewers(from.max_viewers);
+  limits.set_max_agents_per_crowd(from.max_agents_per_crowd);
+  limits.set_max_channels(from.max_channels);
+  limits.set_max_history_bytes_per_crowd(from.max_history_bytes_per_crowd);
+  limits.set_max_width_px(from.max_width_px);
+  limits.set_max_height_px(from.max_height_px);
+  limits.set_max_frames_in_flight(from.max_frames_in_flight);
+  limits.set_max_vertex_budget(from.max_vertex_budget);
+  limits.set_max_rate_hz(from.max_rate_hz);
+  limits.set_max_environment_bytes(from.max_environment_bytes);
+  limits.set_max_pending_pictures(from.max_pending_pictures);
+  for (const render::CastMember& member : cast.members) {
+    v1::CharacterInfo& character = *info->add_cast();
+    character.set_name(member.character.name);
+    character.set_vertices(member.character.vertex_count());
+    character.set_triangles(member.character.triangle_count());
+    character.set_joints(member.character.joint_count());
+    for (const render::Clip& clip : member.character.clips) character.add_clips(clip.name);
+  }
+  return info;
+}
+
 class ServerService final : public v1::ServerService::CallbackService {
  public:
-  ServerService(Services& services, const render::Cast& cast, const std::string& version)
-      : services_(services), began_(Clock::now()) {
-    info_.set_version(version);
-    info_.set_server_run_id(services.server_run_id);
-    info_.set_compute_backend(services.loop->compute_name());
-    info_.set_rasterizer(services.loop->raster_name());
-    const Limits& from = services.registry->limits();
-    v1::Limits& limits = *info_.mutable_limits();
-    limits.set_max_message_bytes(from.max_message_bytes);
-    limits.set_max_crowds(from.max_crowds);
-    limits.set_max_viewers(from.max_viewers);
-    limits.set_max_agents_per_crowd(from.max_agents_per_crowd);
-    limits.set_max_channels(from.max_channels);
-    limits.set_max_history_bytes_per_crowd(from.max_history_bytes_per_crowd);
-    limits.set_max_width_px(from.max_width_px);
-    limits.set_max_height_px(from.max_height_px);
-    limits.set_max_frames_in_flight(from.max_frames_in_flight);
-    limits.set_max_vertex_budget(from.max_vertex_budget);
-    limits.set_max_rate_hz(from.max_rate_hz);
-    limits.set_max_environment_bytes(from.max_environment_bytes);
-    limits.set_max_pending_pictures(from.max_pending_pictures);
-    for (const render::CastMember& member : cast.members) {
-      v1::CharacterInfo& character = *info_.add_cast();
-      character.set_name(member.character.name);
-      character.set_vertices(member.character.vertex_count());
-      character.set_triangles(member.character.triangle_count());
-      character.set_joints(member.character.joint_count());
-      for (const render::Clip& clip : member.character.clips) character.add_clips(clip.name);
-    }
-  }
+  explicit ServerService(Services& services) : services_(services) {}
 
   grpc::ServerUnaryReactor* GetServerInfo(grpc::CallbackServerContext* context,
                                           const v1::GetServerInfoRequest*,
                                           v1::GetServerInfoResponse* response) override {
     grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
     const absl::Status status = services_.authorize(*context);
-    if (status.ok()) {
-      *response = info_;
-      response->set_uptime_s(std::chrono::duration<double>(Clock::now() - began_).count());
-    }
+    if (status.ok()) fill_server_info(services_, *response);
     reactor->Finish(to_grpc(status));
     return reactor;
   }
 
  private:
   Services& services_;
-  const Clock::time_point began_;
-  v1::GetServerInfoResponse info_;
 };
 
 std::string random_run_id() {
@@ -146,6 +146,11 @@ absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> make_credentials(
 }
 
 }  // namespace
+
+void fill_server_info(const Services& services, v1::GetServerInfoResponse& response) {
+  response = *services.info;
+  response.set_uptime_s(std::chrono::duration<double>(Clock::now() - services.began).count());
+}
 
 struct Server::State {
   ServerOptions options;
@@ -191,10 +196,11 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(ServerOptions options,
   services.gate = std::make_shared<const TokenGate>(*std::move(gate));
   services.server_run_id = random_run_id();
   services.now = options.now;
+  services.info = make_server_info(services, *cast, options.version);
   state->handlers.push_back(make_ingest_service(services));
   state->handlers.push_back(make_view_service(services));
   state->handlers.push_back(std::make_unique<CrowdService>(services));
-  state->handlers.push_back(std::make_unique<ServerService>(services, *cast, options.version));
+  state->handlers.push_back(std::make_unique<ServerService>(services));
 
   static std::once_flag once;
   std::call_once(once, [] {
@@ -248,6 +254,8 @@ std::string Server::address() const {
 Registry& Server::registry() { return *state_->registry; }
 
 RenderLoop& Server::loop() { return *state_->loop; }
+
+Services& Server::services() { return state_->services; }
 
 void Server::drain() {
   if (state_->drained) return;

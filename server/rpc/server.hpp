@@ -14,6 +14,8 @@
 
 namespace throng::server {
 
+struct Services;
+
 struct ServerOptions {
   ListenOptions listen;
   Limits limits;
@@ -45,6 +47,8 @@ class Server {
   std::string address() const;  // HOST:PORT that was really bound
   Registry& registry();
   RenderLoop& loop();
+  /// What other doors to the same crowds share with the handlers.
+  Services& services();
 
   /// Health says NOT_SERVING, streams end with UNAVAILABLE, what is in flight has `drain_time`.
   /// Returns when no call is left.

@@ -15,6 +15,10 @@
 #include "server/scene/registry.hpp"
 #include "server/view/render_loop.hpp"
 
+namespace throng::v1 {
+class GetServerInfoResponse;
+}
+
 namespace throng::server {
 
 /// A call that lasts, as far as draining the server has to know it.
@@ -67,6 +71,8 @@ struct Services {
   Worker* worker = nullptr;
   std::shared_ptr<const TokenGate> gate;
   std::string server_run_id;
+  std::shared_ptr<const v1::GetServerInfoResponse> info;  // but for its uptime
+  Clock::time_point began = Clock::now();
   Now now;
   StreamSet streams;
   std::atomic<std::uint32_t> viewers{0};
@@ -225,6 +231,9 @@ class BidiStream : public grpc::ServerBidiReactor<Request, Response>,
   Request request_;
   Response response_;
 };
+
+/// Answers ServerService.GetServerInfo.
+void fill_server_info(const Services& services, v1::GetServerInfoResponse& response);
 
 std::unique_ptr<grpc::Service> make_ingest_service(Services& services);
 std::unique_ptr<grpc::Service> make_view_service(Services& services);

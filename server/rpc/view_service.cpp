@@ -5,6 +5,7 @@
 
 #include "server/rpc/convert.hpp"
 #include "server/rpc/services.hpp"
+#include "server/rpc/view_session.hpp"
 #include "throng/v1/view.grpc.pb.h"
 
 namespace throng::server {
@@ -18,7 +19,8 @@ class ViewStream final : public BidiStream<v1::StreamViewRequest, v1::StreamView
 
  private:
   void on_message() override {
-    if (absl::Status status = handle(request()); !status.ok()) {
+    if (session_ == nullptr) open_session();
+    if (absl::Status status = session_->handle(request()); !status.ok()) {
       spdlog::debug("connection={} event=view_refused status=\"{}\"", connection(),
                     status.ToString());
       finish(std::move(status));
@@ -30,93 +32,39 @@ class ViewStream final : public BidiStream<v1::StreamViewRequest, v1::StreamView
   void on_done() override { release(); }
 
   void release() {
-    if (!admitted_) return;
-    services().loop->remove(viewer_.get());
-    wanted_.crowd->remove_viewer();
-    --services().viewers;
-    admitted_ = false;
-    spdlog::debug("connection={} event=viewer_left crowd={}", connection(), wanted_.crowd->name());
+    if (session_ != nullptr) session_->close();
   }
 
-  bool next_response(v1::StreamViewResponse& response) override {
-    std::shared_ptr<Viewer> viewer;
-    {
-      const std::lock_guard lock(viewer_mutex_);
-      viewer = viewer_;
-    }
-    if (viewer == nullptr) return false;
-    const std::optional<OutgoingFrame> outgoing = viewer->take();
-    if (!outgoing.has_value()) return false;
-    const EncodedFrame& frame = *outgoing->frame;
-    response.set_frame_index(outgoing->frame_index);
-    response.set_skipped_frames(outgoing->skipped_frames);
-    response.set_image(frame.image);
-    response.set_scene_time_us(frame.scene_time_us);
-    response.set_capture_time_us(frame.newest_time_us);
-    response.set_width_px(frame.viewport.width_px);
-    response.set_height_px(frame.viewport.height_px);
-    response.set_server_ms(frame.server_ms);
-    response.set_live(frame.live);
-    fill_stats(frame, *response.mutable_stats());
-    fill_camera(frame.camera, *response.mutable_camera());
-    return true;
-  }
-
-  absl::Status handle(const v1::StreamViewRequest& message) {
-    if (message.has_options() || viewer_ == nullptr) {
-      const std::shared_ptr<NamedCrowd> before = wanted_.crowd;
-      absl::Status status = apply_options(message.options(), *services().registry, wanted_);
-      if (!status.ok()) return status;
-      if (viewer_ == nullptr) {
-        if (status = admit(); !status.ok()) return status;
-      } else {
-        if (wanted_.crowd != before) {
-          before->remove_viewer();
-          wanted_.crowd->add_viewer();
-        }
-        viewer_->set_request(wanted_);
-      }
-    }
-    if (message.acked_frame_index() != 0) {
-      absl::Status status = viewer_->ack(message.acked_frame_index());
-      if (!status.ok()) return status;
-    }
-    services().loop->wake();
-    return absl::OkStatus();
-  }
-
-  absl::Status admit() {
-    const Limits& limits = services().registry->limits();
-    if (++services().viewers > limits.max_viewers) {
-      --services().viewers;
-      return absl::ResourceExhaustedError(absl::StrCat("StreamView: there are ", limits.max_viewers,
-                                                       " viewers, which is the limit"));
-    }
+  void open_session() {
     std::weak_ptr<BidiStream> weak = weak_from_this();
-    auto viewer = std::make_shared<Viewer>(
-        wanted_, limits.max_frames_in_flight, services().now,
+    auto session = std::make_shared<ViewSession>(
+        services(), connection(),
         [weak] {
           if (const auto stream = weak.lock()) static_cast<ViewStream&>(*stream).pump();
         },
         [weak](absl::Status status) {
           if (const auto stream = weak.lock()) stream->finish(std::move(status));
         });
-    {
-      const std::lock_guard lock(viewer_mutex_);
-      viewer_ = viewer;
-    }
-    wanted_.crowd->add_viewer();
-    admitted_ = true;
-    services().loop->add(std::move(viewer));
-    spdlog::debug("connection={} event=viewer_came crowd={} size={}x{}", connection(),
-                  wanted_.crowd->name(), wanted_.viewport.width_px, wanted_.viewport.height_px);
-    return absl::OkStatus();
+    const std::lock_guard lock(session_mutex_);
+    session_ = std::move(session);
   }
 
-  ViewRequest wanted_;
-  bool admitted_ = false;
-  std::mutex viewer_mutex_;  // viewer_ is set once, while the loop's threads may look
-  std::shared_ptr<Viewer> viewer_;
+  bool next_response(v1::StreamViewResponse& response) override {
+    std::shared_ptr<ViewSession> session;
+    {
+      const std::lock_guard lock(session_mutex_);
+      session = session_;
+    }
+    if (session == nullptr) return false;
+    const std::optional<OutgoingFrame> outgoing = session->take();
+    if (!outgoing.has_value()) return false;
+    session->describe(*outgoing, response);
+    response.set_image(outgoing->frame->image);
+    return true;
+  }
+
+  std::mutex session_mutex_;  // session_ is set once, while the loop's threads may look
+  std::shared_ptr<ViewSession> session_;
 };
 
 class ViewService final : public v1::ViewService::CallbackService {
@@ -147,6 +95,16 @@ class ViewService final : public v1::ViewService::CallbackService {
     return reactor;
   }
 
+  grpc::ServerUnaryReactor* PickAgent(grpc::CallbackServerContext* context,
+                                      const v1::PickAgentRequest* request,
+                                      v1::PickAgentResponse* response) override {
+    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+    absl::Status status = services_.authorize(*context);
+    if (status.ok()) status = pick_agent(services_, *request, *response);
+    reactor->Finish(to_grpc(status));
+    return reactor;
+  }
+
  private:
   absl::Status ask(const v1::GetPictureRequest& request, PictureDone done) {
     PictureRequest picture;
@@ -157,7 +115,8 @@ class ViewService final : public v1::ViewService::CallbackService {
                                                      static_cast<int>(request.format()),
                                                      ", must be FORMAT_JPEG or FORMAT_PNG"));
     }
-    absl::Status status = apply_options(request.options(), *services_.registry, picture.view);
+    absl::Status status =
+        apply_options(request.options(), *services_.registry, services_.now(), picture.view);
     if (!status.ok()) return status;
     if (request.has_scene_time_us()) {
       status = check_scene_time("scene_time_us", request.scene_time_us());

@@ -81,6 +81,7 @@ Moment NamedCrowd::moment(Clock::time_point now) {
   moment.crowd = crowd_;
   moment.scene_time_us = clock_.at(now);
   moment.live = owner_ != 0;
+  moment.oldest_time_us = crowd_->oldest_time_us();
   WorldBox agents{start_.origin_world, start_.origin_world};
   if (const std::shared_ptr<const render::Snapshot> newest = crowd_->newest()) {
     moment.newest_time_us = newest->time_us;
@@ -129,6 +130,11 @@ int NamedCrowd::channel_index(const std::string& channel) const {
     if (start_.channels[i].name == channel) return static_cast<int>(i);
   }
   return -1;
+}
+
+std::vector<ChannelInfo> NamedCrowd::channels() const {
+  const std::lock_guard lock(mutex_);
+  return start_.channels;
 }
 
 Publication::~Publication() {

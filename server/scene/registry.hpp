@@ -62,6 +62,7 @@ struct Moment {
   std::shared_ptr<const render::Crowd> crowd;  // of the current run, never null
   std::int64_t scene_time_us = 0;
   std::int64_t newest_time_us = 0;
+  std::int64_t oldest_time_us = 0;
   bool live = false;  // a producer is connected
   WorldBox overview;  // what an overview camera shows
 };
@@ -78,6 +79,7 @@ class NamedCrowd {
   CrowdReport report() const;
   /// Index of the channel in the current run, -1 if it has none of that name.
   int channel_index(const std::string& channel) const;
+  std::vector<ChannelInfo> channels() const;
   /// True once the crowd was deleted from its registry: its viewers must go.
   bool deleted() const { return deleted_.load(std::memory_order_acquire); }
   void add_viewer() { viewers_.fetch_add(1, std::memory_order_relaxed); }

@@ -278,8 +278,9 @@ bool RenderLoop::State::next_work(std::optional<PictureRequest>& request, Recipi
     for (const std::shared_ptr<Viewer>& viewer : viewers) {
       const std::optional<Clock::time_point> due = viewer->due();
       if (!due.has_value() || *due > soon) continue;
-      if (viewer != first && !same_picture(viewer->request(), request->view)) continue;
-      recipients.viewers.emplace_back(viewer, viewer->begin_frame(now));
+      const ViewRequest wanted = viewer == first ? request->view : viewer->request();
+      if (!same_picture(wanted, request->view)) continue;
+      recipients.viewers.emplace_back(viewer, viewer->begin_frame(now, wanted.stamp));
     }
     return true;
   }
@@ -291,7 +292,8 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   const ViewRequest& view = request.view;
   const Clock::time_point began = Clock::now();
   const Moment moment = view.crowd->moment(now);
-  const std::int64_t scene_time_us = request.scene_time_us.value_or(moment.scene_time_us);
+  const std::int64_t scene_time_us = request.scene_time_us.value_or(
+      view.playhead.at(now, moment.oldest_time_us, moment.scene_time_us));
 
   // The same picture again?
   FrameKey key;
@@ -302,9 +304,18 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   key.live = moment.live;
   key.view = view;
   key.view.crowd = nullptr;
+  key.view.playhead = Playhead();  // it is the moment that counts, not the way there
   if (!view.camera.has_value()) {
     key.view.camera =
         render::overview_camera(moment.overview.low, moment.overview.high, view.viewport);
+  }
+  const AgentsAt agents = agents_at(moment, scene_time_us);
+  std::uint64_t followed_agent = 0;
+  if (view.follow_agent != 0) {
+    if (const auto agent = find_agent(agents, view.follow_agent)) {
+      follow(agent->position_world, *key.view.camera);
+      followed_agent = view.follow_agent;
+    }
   }
   if (!recipients.viewers.empty()) {
     std::shared_ptr<const EncodedFrame> known;
@@ -360,6 +371,9 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   next.frame->vertex_budget = settings.selection.vertex_budget;
   next.frame->scene_time_us = scene_time_us;
   next.frame->newest_time_us = moment.newest_time_us;
+  next.frame->oldest_time_us = moment.oldest_time_us;
+  next.frame->followed_agent = followed_agent;
+  next.frame->agents = agents;
   next.frame->live = moment.live;
   next.format = request.format;
   next.jpeg_quality = view.jpeg_quality;

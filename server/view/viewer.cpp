@@ -27,7 +27,7 @@ bool same_picture(const ViewRequest& a, const ViewRequest& b) {
          a.viewport.height_px == b.viewport.height_px && a.jpeg_quality == b.jpeg_quality &&
          a.vertex_budget == b.vertex_budget && a.channel == b.channel &&
          a.channel_low == b.channel_low && a.channel_high == b.channel_high &&
-         a.shadows == b.shadows;
+         a.shadows == b.shadows && a.follow_agent == b.follow_agent && a.playhead == b.playhead;
 }
 
 Viewer::Viewer(ViewRequest request, std::uint32_t max_in_flight, Now now,
@@ -100,7 +100,7 @@ std::optional<Clock::time_point> Viewer::due() const {
   return std::nullopt;
 }
 
-std::uint64_t Viewer::begin_frame(Clock::time_point now) {
+std::uint64_t Viewer::begin_frame(Clock::time_point now, std::uint64_t stamp) {
   const std::lock_guard lock(mutex_);
   // Frames that came due while the viewer had no room were skipped, because it was slow.
   if (has_room() && room_since_ > next_due_) {
@@ -110,7 +110,8 @@ std::uint64_t Viewer::begin_frame(Clock::time_point now) {
   }
   next_due_ = now - next_due_ > period() ? now + period() : next_due_ + period();
   ++pending_;
-  return ++newest_index_;
+  stamps_.emplace_back(++newest_index_, stamp);
+  return newest_index_;
 }
 
 void Viewer::deliver(std::uint64_t frame_index, std::shared_ptr<const EncodedFrame> frame) {
@@ -118,6 +119,11 @@ void Viewer::deliver(std::uint64_t frame_index, std::shared_ptr<const EncodedFra
     const std::lock_guard lock(mutex_);
     const bool had_room = has_room();
     --pending_;
+    std::uint64_t stamp = 0;
+    std::erase_if(stamps_, [&](const auto& entry) {
+      if (entry.first == frame_index) stamp = entry.second;
+      return entry.first == frame_index;
+    });
     if (ended_) return;
     // A frame that needed no encoding may have overtaken this one; the newer one wins.
     if (frame_index < newest_delivered_) {
@@ -128,6 +134,7 @@ void Viewer::deliver(std::uint64_t frame_index, std::shared_ptr<const EncodedFra
     newest_delivered_ = frame_index;
     if (slot_.frame != nullptr) ++skipped_;
     slot_.frame_index = frame_index;
+    slot_.stamp = stamp;
     slot_.frame = std::move(frame);
     slot_since_ = now_();
     room_changed(had_room);

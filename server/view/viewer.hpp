@@ -9,8 +9,11 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 
+#include "server/scene/playhead.hpp"
 #include "server/scene/registry.hpp"
+#include "server/view/agents.hpp"
 #include "throng/render/camera.hpp"
 #include "throng/render/frame.hpp"
 
@@ -28,9 +31,16 @@ struct ViewRequest {
   float channel_low = 0.0F;
   float channel_high = 1.0F;
   bool shadows = true;
+  Playhead playhead;
+  std::uint64_t follow_agent = 0;  // the camera is moved along with it; 0: with nobody
+  // What the connection adds to each picture.
+  std::uint32_t max_agent_columns = 0;  // agents to list
+  bool density = false;
+  std::uint64_t stamp = 0;  // the client's own
 };
 
-/// True if both ask for the same picture of the same moment (rates do not matter).
+/// True if both ask for the same picture of the same moment (rates, and what is sent beside it, do
+/// not matter).
 bool same_picture(const ViewRequest& a, const ViewRequest& b);
 
 /// A picture that is ready to be sent; shared by all viewers who see the same.
@@ -42,6 +52,9 @@ struct EncodedFrame {
   std::uint64_t vertex_budget = 0;
   std::int64_t scene_time_us = 0;
   std::int64_t newest_time_us = 0;
+  std::int64_t oldest_time_us = 0;
+  std::uint64_t followed_agent = 0;  // 0: nobody, or it is not there
+  AgentsAt agents;                   // who is in the picture
   double server_ms = 0.0;
   bool live = false;
 };
@@ -50,6 +63,7 @@ struct EncodedFrame {
 struct OutgoingFrame {
   std::uint64_t frame_index = 0;
   std::uint64_t skipped_frames = 0;
+  std::uint64_t stamp = 0;  // of the request it was drawn for
   std::shared_ptr<const EncodedFrame> frame;
 };
 
@@ -76,7 +90,8 @@ class Viewer {
   /// When the next frame is due; none while there is no room for one.
   std::optional<Clock::time_point> due() const;
   /// Promises one `deliver` or `abandon`; returns its frame index.
-  std::uint64_t begin_frame(Clock::time_point now);
+  /// @param stamp  of the request that is being drawn.
+  std::uint64_t begin_frame(Clock::time_point now, std::uint64_t stamp = 0);
   void deliver(std::uint64_t frame_index, std::shared_ptr<const EncodedFrame> frame);
   void end(absl::Status status);
 
@@ -97,7 +112,8 @@ class Viewer {
   std::uint32_t pending_ = 0;  // being rendered or encoded
   OutgoingFrame slot_;         // frame is null: empty
   Clock::time_point slot_since_{};
-  std::deque<std::uint64_t> in_flight_;  // sent, not acknowledged
+  std::deque<std::uint64_t> in_flight_;                         // sent, not acknowledged
+  std::deque<std::pair<std::uint64_t, std::uint64_t>> stamps_;  // of pending frames, by index
   std::uint64_t newest_index_ = 0;
   std::uint64_t newest_delivered_ = 0;
   std::uint64_t newest_sent_ = 0;
