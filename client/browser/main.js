@@ -445,12 +445,8 @@ function stopFollowing(keepsCard = false) {
 async function refreshAgent() {
   const header = view.header;
   if (!state.follow || !header || connection.state !== 'open') return;
-  const target = header.camera.target;
-  const at = view.placement();
   const answer = await connection.ask({pickAgent: {
-    options: {crowdName: state.crowd, camera: header.camera, widthPx: header.widthPx, heightPx: header.heightPx},
-    sceneTimeUs: header.sceneTimeUs ?? '0', xPx: header.widthPx / 2, yPx: header.heightPx / 2}});
-  void target, at;
+    options: {crowdName: state.crowd}, sceneTimeUs: header.sceneTimeUs ?? '0', id: state.follow}});
   if (answer.pickAgent?.id === state.follow) showAgent(answer.pickAgent);
 }
 

@@ -280,14 +280,18 @@ void fill_stats(const EncodedFrame& frame, v1::FrameStats& message) {
   message.set_effective_budget(counters.effective_budget);
 }
 
-void fill_frame(const EncodedFrame& frame, v1::StreamViewResponse& message) {
+void fill_frame(const OutgoingFrame& outgoing, v1::StreamViewResponse& message) {
+  const EncodedFrame& frame = *outgoing.frame;
+  message.set_frame_index(outgoing.frame_index);
+  message.set_skipped_frames(outgoing.skipped_frames);
+  message.set_stamp(outgoing.stamp);
   message.set_scene_time_us(frame.scene_time_us);
-  message.set_capture_time_us(frame.newest_time_us);
-  message.set_oldest_time_us(frame.oldest_time_us);
+  message.set_capture_time_us(outgoing.history.newest_time_us);
+  message.set_oldest_time_us(outgoing.history.oldest_time_us);
   message.set_width_px(frame.viewport.width_px);
   message.set_height_px(frame.viewport.height_px);
   message.set_server_ms(frame.server_ms);
-  message.set_live(frame.live);
+  message.set_live(outgoing.history.live);
   message.set_followed_agent(frame.followed_agent);
   fill_stats(frame, *message.mutable_stats());
   fill_camera(frame.camera, *message.mutable_camera());

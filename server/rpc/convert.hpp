@@ -35,8 +35,8 @@ void fill_camera(const render::Camera& camera, v1::Camera& message);
 absl::Status apply_options(const v1::ViewOptions& options, const Registry& registry,
                            Clock::time_point now, ViewRequest& request);
 
-/// What all viewers of a frame are told of it; not its image, and nothing of the viewer.
-void fill_frame(const EncodedFrame& frame, v1::StreamViewResponse& message);
+/// All of a frame but its image and what a viewer asked for beside it.
+void fill_frame(const OutgoingFrame& outgoing, v1::StreamViewResponse& message);
 void fill_playback(const Playhead& playhead, std::int64_t scene_time_us, v1::Playback& message);
 void fill_agents(const AgentList& agents, const glm::dvec3& origin_world,
                  v1::AgentColumns& message);

@@ -43,10 +43,7 @@ std::optional<OutgoingFrame> ViewSession::take() {
 void ViewSession::describe(const OutgoingFrame& outgoing, v1::StreamViewResponse& response) const {
   const EncodedFrame& frame = *outgoing.frame;
   response.Clear();
-  response.set_frame_index(outgoing.frame_index);
-  response.set_skipped_frames(outgoing.skipped_frames);
-  response.set_stamp(outgoing.stamp);
-  fill_frame(frame, response);
+  fill_frame(outgoing, response);
   std::shared_ptr<Viewer> viewer;
   {
     const std::lock_guard lock(viewer_mutex_);
@@ -125,7 +122,10 @@ absl::Status pick_agent(Services& services, const v1::PickAgentRequest& request,
   const AgentsAt agents = agents_at(moment, request.scene_time_us());
   const render::Camera camera = view.camera.value_or(
       render::overview_camera(moment.overview.low, moment.overview.high, view.viewport));
-  const auto agent = pick_agent(agents, camera, view.viewport, request.x_px(), request.y_px());
+  const auto agent =
+      request.id() != 0
+          ? find_agent(agents, request.id())
+          : pick_agent(agents, camera, view.viewport, request.x_px(), request.y_px());
   if (agent.has_value()) fill_agent(*agent, agents, *view.crowd, *moment.crowd, response);
   return absl::OkStatus();
 }

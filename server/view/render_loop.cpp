@@ -27,11 +27,12 @@ double milliseconds(Clock::duration duration) {
 /// Who gets a frame: viewers with the index it has for them, or one caller of `picture`.
 struct Recipients {
   std::vector<std::pair<std::shared_ptr<Viewer>, std::uint64_t>> viewers;
+  HistoryNow history;
   PictureDone done;
 };
 
 void deliver(Recipients& to, const std::shared_ptr<const EncodedFrame>& frame) {
-  for (auto& [viewer, index] : to.viewers) viewer->deliver(index, frame);
+  for (auto& [viewer, index] : to.viewers) viewer->deliver(index, frame, to.history);
   if (to.done) to.done(frame);
 }
 
@@ -45,16 +46,15 @@ struct FrameKey {
   std::weak_ptr<const render::Crowd> crowd;  // weak: a cache must not keep a history alive
   std::weak_ptr<const render::Environment> environment;
   std::int64_t scene_time_us = 0;
-  std::int64_t newest_time_us = 0;
-  bool live = false;
+  std::int64_t older_time_us = 0, newer_time_us = 0;  // of the snapshots it lies between
   ViewRequest view;  // without its crowd, with the camera that is really used
 };
 
 bool equal(const FrameKey& a, const FrameKey& b) {
-  return a.scene_time_us == b.scene_time_us && a.newest_time_us == b.newest_time_us &&
-         a.live == b.live && !a.crowd.owner_before(b.crowd) && !b.crowd.owner_before(a.crowd) &&
-         !a.environment.owner_before(b.environment) && !b.environment.owner_before(a.environment) &&
-         same_picture(a.view, b.view);
+  return a.scene_time_us == b.scene_time_us && a.older_time_us == b.older_time_us &&
+         a.newer_time_us == b.newer_time_us && !a.crowd.owner_before(b.crowd) &&
+         !b.crowd.owner_before(a.crowd) && !a.environment.owner_before(b.environment) &&
+         !b.environment.owner_before(a.environment) && same_picture(a.view, b.view);
 }
 
 struct EncodeJob {
@@ -300,8 +300,6 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   key.crowd = moment.crowd;
   key.environment = moment.crowd->environment();
   key.scene_time_us = scene_time_us;
-  key.newest_time_us = moment.newest_time_us;
-  key.live = moment.live;
   key.view = view;
   key.view.crowd = nullptr;
   key.view.playhead = Playhead();  // it is the moment that counts, not the way there
@@ -309,7 +307,12 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
     key.view.camera =
         render::overview_camera(moment.overview.low, moment.overview.high, view.viewport);
   }
+  recipients.history = {moment.oldest_time_us, moment.newest_time_us, moment.live};
   const AgentsAt agents = agents_at(moment, scene_time_us);
+  if (agents.bracket.older != nullptr) {
+    key.older_time_us = agents.bracket.older->time_us;
+    key.newer_time_us = agents.bracket.newer->time_us;
+  }
   std::uint64_t followed_agent = 0;
   if (view.follow_agent != 0) {
     if (const auto agent = find_agent(agents, view.follow_agent)) {
@@ -370,11 +373,8 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   next.frame->camera = settings.camera;
   next.frame->vertex_budget = settings.selection.vertex_budget;
   next.frame->scene_time_us = scene_time_us;
-  next.frame->newest_time_us = moment.newest_time_us;
-  next.frame->oldest_time_us = moment.oldest_time_us;
   next.frame->followed_agent = followed_agent;
   next.frame->agents = agents;
-  next.frame->live = moment.live;
   next.format = request.format;
   next.jpeg_quality = view.jpeg_quality;
   next.began = began;

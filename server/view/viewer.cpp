@@ -114,7 +114,8 @@ std::uint64_t Viewer::begin_frame(Clock::time_point now, std::uint64_t stamp) {
   return newest_index_;
 }
 
-void Viewer::deliver(std::uint64_t frame_index, std::shared_ptr<const EncodedFrame> frame) {
+void Viewer::deliver(std::uint64_t frame_index, std::shared_ptr<const EncodedFrame> frame,
+                     HistoryNow history) {
   {
     const std::lock_guard lock(mutex_);
     const bool had_room = has_room();
@@ -135,6 +136,7 @@ void Viewer::deliver(std::uint64_t frame_index, std::shared_ptr<const EncodedFra
     if (slot_.frame != nullptr) ++skipped_;
     slot_.frame_index = frame_index;
     slot_.stamp = stamp;
+    slot_.history = history;
     slot_.frame = std::move(frame);
     slot_since_ = now_();
     room_changed(had_room);

@@ -51,12 +51,16 @@ struct EncodedFrame {
   render::FrameStats stats;
   std::uint64_t vertex_budget = 0;
   std::int64_t scene_time_us = 0;
-  std::int64_t newest_time_us = 0;
-  std::int64_t oldest_time_us = 0;
   std::uint64_t followed_agent = 0;  // 0: nobody, or it is not there
   AgentsAt agents;                   // who is in the picture
   double server_ms = 0.0;
-  bool live = false;
+};
+
+/// How a crowd's history stood when a frame was taken up; the picture may be an older one.
+struct HistoryNow {
+  std::int64_t oldest_time_us = 0;
+  std::int64_t newest_time_us = 0;
+  bool live = false;  // a producer is connected
 };
 
 /// A frame on its way to one viewer.
@@ -64,6 +68,7 @@ struct OutgoingFrame {
   std::uint64_t frame_index = 0;
   std::uint64_t skipped_frames = 0;
   std::uint64_t stamp = 0;  // of the request it was drawn for
+  HistoryNow history;
   std::shared_ptr<const EncodedFrame> frame;
 };
 
@@ -92,7 +97,8 @@ class Viewer {
   /// Promises one `deliver` or `abandon`; returns its frame index.
   /// @param stamp  of the request that is being drawn.
   std::uint64_t begin_frame(Clock::time_point now, std::uint64_t stamp = 0);
-  void deliver(std::uint64_t frame_index, std::shared_ptr<const EncodedFrame> frame);
+  void deliver(std::uint64_t frame_index, std::shared_ptr<const EncodedFrame> frame,
+               HistoryNow history = {});
   void end(absl::Status status);
 
  private:
