@@ -13,6 +13,8 @@ namespace throng::render {
 namespace {
 
 constexpr double kPieceM = 16.0;  // a side of a piece: about what a view culls by
+// Each is a member of the cast, with its own tables; rasterizers keep its number in 16 bits.
+constexpr std::size_t kMostPieces = 32'768;
 
 // The texture's two columns: sides and tops.
 constexpr std::uint8_t kColors[2][3] = {{196, 191, 182}, {86, 82, 78}};
@@ -154,6 +156,11 @@ absl::StatusOr<std::shared_ptr<const Environment>> make_environment(
   const auto height_m = static_cast<float>(options.wall_height_m);
   for (const auto& [a, b] : footprint->edges) raise_side(pieces, a, b, height_m);
   for (const auto& triangle : footprint->triangles) add_top(pieces, triangle, height_m);
+  if (pieces.size() > kMostPieces) {
+    return absl::InvalidArgumentError(absl::StrCat("walkable area: its walls are in ",
+                                                   pieces.size(), " squares of ", kPieceM,
+                                                   " m, must be in at most ", kMostPieces));
+  }
   auto environment = std::make_shared<Environment>();
   for (const auto& [cell, corners] : pieces) {
     absl::StatusOr<Character> piece = piece_of(corners, environment->pieces.size());

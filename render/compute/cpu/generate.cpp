@@ -59,7 +59,6 @@ absl::Status find_meshes(CpuView& view, Machine machine, PosedBank& bank,
   const CastTable& cast = *instances.cast;
   bank.use(instances.cast);
   view.mesh.resize(count);
-  view.posed_meshes = 0;
   std::vector<PosedBank::Want> wanted;
   constexpr std::size_t kChunk = 1024;
   for (int round = 0;; ++round) {
@@ -133,6 +132,7 @@ absl::Status generate(CpuView& view, Machine machine, PosedBank& bank,
   const CpuInstances& instances = *view.instances;
   const CastTable& cast = *instances.cast;
   view.shared.resize(view.geometry == GeometryKind::kFused ? count : 0);
+  view.posed_meshes = 0;
   if (count == 0) return absl::OkStatus();
 
   // chunks of about equal work: vertices, and a share for each instance's palette

@@ -34,6 +34,11 @@ LevelTable make_levels(const Cast& cast) {
     const Character& character = cast.members[m].character;
     std::vector<std::uint32_t> counts;
     const std::size_t steps = std::size_t{character.vertex_count()} + 1;
+    if (cast.members[m].environment) {
+      table.level_at.emplace_back();
+      table.is_listed.push_back(false);
+      continue;
+    }
     // a rasterizer may be given characters without a collapse
     if (character.legal_count.size() == steps && character.triangle_count_at.size() == steps &&
         character.coarsest_count > 0) {
@@ -57,8 +62,7 @@ LevelTable make_levels(const Cast& cast) {
     const bool has_holes =
         std::any_of(character.triangle_flags.begin(), character.triangle_flags.end(),
                     [](std::uint8_t flags) { return (flags & kTriangleAlphaCutout) != 0; });
-    table.is_listed.push_back(table.levels.size() > first && !has_holes &&
-                              !cast.members[m].environment);
+    table.is_listed.push_back(table.levels.size() > first && !has_holes);
   }
   // so that whole vectors may be read
   table.corners.resize(table.corners.size() + LevelTable::kPadding, 0);

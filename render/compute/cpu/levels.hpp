@@ -24,8 +24,9 @@ struct LevelTable {
   static constexpr std::uint32_t kPadding = 16;
 
   std::vector<Level> levels;
-  std::vector<std::uint32_t> corners;                // three vertices in bits 0, 10 and 20; padded
-  std::vector<std::vector<std::uint32_t>> level_at;  // [members][kMostVertices + 1] finest within n
+  std::vector<std::uint32_t> corners;  // three vertices in bits 0, 10 and 20; padded
+  // [members][kMostVertices + 1] finest within n; [0] for surroundings
+  std::vector<std::vector<std::uint32_t>> level_at;
   std::vector<bool> is_listed;  // [members] false where triangles have holes: never shared
 };
 

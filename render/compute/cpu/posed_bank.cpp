@@ -24,7 +24,11 @@ std::uint32_t PosedBank::number_of(std::uint32_t character, std::uint32_t pose) 
 void PosedBank::use(const std::shared_ptr<const CastTable>& cast) {
   if (cast == cast_) return;
   cast_ = cast;
-  meshes_.assign(cast->characters.size() * element::kSharedPoses, {});
+  // surroundings, which may be thousands, come last and never share
+  const std::vector<bool>& is_listed = cast->levels.is_listed;
+  const auto last = std::find(is_listed.rbegin(), is_listed.rend(), true);
+  const auto characters = static_cast<std::size_t>(is_listed.rend() - last);
+  meshes_.assign(characters * element::kSharedPoses, {});
   block_.reset();
   used_ = 0;
 }

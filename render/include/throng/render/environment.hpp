@@ -32,8 +32,8 @@ struct Environment {
 /// @param origin_world  of the crowd: pieces are offsets from it.
 /// It takes about a second for 10,000 points; check_environment is quick.
 /// InvalidArgument: not WKT (with what the parser says), no area, a coordinate beyond 1e7 m of the
-/// origin, over 50,000 points, nested over 64 deep, a height or thickness that is not in
-/// (0, 100] m.
+/// origin, over 50,000 points, nested over 64 deep, walls too long, a height or thickness that is
+/// not in (0, 100] m.
 absl::StatusOr<std::shared_ptr<const Environment>> make_environment(
     const std::string& wkt, const glm::dvec3& origin_world, const EnvironmentOptions& options = {});
 
