@@ -196,7 +196,7 @@ absl::Status run_raster(const Common& common, const RasterOptions& options) {
   std::vector<double> all;
   Table table({"instances x triangles, height", "ratio min", "median", "max", "wall ratio, median",
                "visibility Mtri/CPU s", "llvmpipe", "coverage %", "off by", "mean difference",
-               "PSNR dB"});
+               "gl's own", "PSNR dB"});
   bool within = true;
   for (const Result& r : results) {
     all.insert(all.end(), r.ratio.begin(), r.ratio.end());
