@@ -3,57 +3,43 @@
 
 #include "render/compute/cpu/kernels.hpp"
 #include "render/compute/cpu/stages.hpp"
+#include "render/compute/element/rate_search.hpp"
 #include "render/compute/element/shared_pose.hpp"
 
 namespace throng::render {
 namespace {
 
 constexpr std::size_t kChunk = 4096;
-constexpr int kRounds = 4;  // of dealing again
-
-/// What a rate (vertices per share, 32 fractional bits) gives.
-struct Deal {
-  std::uint64_t vertices = 0;  // sum of n_i
-  std::uint64_t fixed = 0;     // of it, at the least or the most
-  std::uint64_t free_shares = 0;
-};
 
 class Dealer {
  public:
   Dealer(CpuView& view, WorkPool& pool) : view_(view), pool_(pool) {
     const std::size_t chunks = (view.visible.size() + kChunk - 1) / kChunk;
     view.chunk_sum.resize(chunks);
-    view.chunk_fixed.resize(chunks);
+    view.chunk_least.resize(chunks);
     view.chunk_free.resize(chunks);
   }
 
   /// Sums over the instances as if dealt with `rate`. Integers, so any order gives the same.
-  Deal deal(std::uint64_t rate) {
+  element::Deal deal(std::uint64_t rate) {
     pool_.for_chunks(view_.visible.size(), kChunk, [&](std::size_t begin, std::size_t end) {
-      Deal sum;
+      element::Deal sum;
       for (std::size_t i = begin; i < end; ++i) {
         const VisibleInstance& instance = view_.visible[i];
         const Character& character = character_of(instance);
         const std::uint32_t most = character.vertex_count();
         const std::uint32_t least = character.coarsest_count;
         const std::uint32_t dealt = element::deal(rate, view_.share[i], least, most);
-        const std::uint32_t legal = snapped(i, character, dealt);
-        sum.vertices += legal;
-        if (dealt == least || dealt == most) {
-          sum.fixed += legal;
-        } else {
-          sum.free_shares += view_.share[i];
-        }
+        sum.vertices += snapped(i, character, dealt);
+        if (dealt != least && dealt != most) sum.free_shares += view_.share[i];
       }
       const std::size_t chunk = begin / kChunk;
       view_.chunk_sum[chunk] = sum.vertices;
-      view_.chunk_fixed[chunk] = sum.fixed;
       view_.chunk_free[chunk] = sum.free_shares;
     });
-    Deal total;
+    element::Deal total;
     for (std::size_t chunk = 0; chunk < view_.chunk_sum.size(); ++chunk) {
       total.vertices += view_.chunk_sum[chunk];
-      total.fixed += view_.chunk_fixed[chunk];
       total.free_shares += view_.chunk_free[chunk];
     }
     return total;
@@ -110,8 +96,9 @@ void choose_tiers(CpuView& view, PoseMode mode, WorkPool& pool) {
       if (!is_listed[instance.character]) continue;
       const glm::vec3& p = instance.position_relative;
       bool is_between = true;
+      float inside_m = 0.0F;  // of the near plane, which comes last
       for (const glm::vec4& plane : {frustum.planes[4], frustum.planes[5]}) {
-        const float inside_m = plane.x * p.x + plane.y * p.y + plane.z * p.z + plane.w;
+        inside_m = plane.x * p.x + plane.y * p.y + plane.z * p.z + plane.w;
         // the feet are within the bounding sphere
         is_between = is_between && inside_m > 2.5F * instance.radius_m;
       }
@@ -121,8 +108,15 @@ void choose_tiers(CpuView& view, PoseMode mode, WorkPool& pool) {
       const float px_per_m =
           view.projection.focal_px / d *
           (1.0F + 0.1F * element::unit_from_seed(instance.seed, element::kSeedTier));
-      // wide creatures: the rasterizer keeps a figure's coordinates in 16 bits
-      if (px_per_m * instance.radius_m > element::kSharedRadiusPx) continue;
+      // The rasterizer keeps a figure's coordinates in 16 bits: wide creatures, and what a wide
+      // angle draws out at its edges, away from the centre by the square of distance over depth.
+      const float drawn_out =
+          view.projection.perspective != 0 ? std::max(d / inside_m, 1.0F) : 1.0F;
+      const float radius_px = px_per_m * instance.radius_m;
+      if (radius_px > element::kSharedRadiusPx ||
+          radius_px * drawn_out * drawn_out > element::kSharedDrawnOutPx) {
+        continue;
+      }
       const float height_px =
           px_per_m * instance.scale *
           view.instances->cast->characters[instance.character].character->height_m;
@@ -133,59 +127,6 @@ void choose_tiers(CpuView& view, PoseMode mode, WorkPool& pool) {
       }
     }
   });
-}
-
-/// vertices / shares with 32 fractional bits, rounded up so that the floor of a whole number stays.
-/// vertices < 2^32.
-std::uint64_t rate_of(std::uint64_t vertices, std::uint64_t shares) {
-  if (shares == 0) return std::numeric_limits<std::uint64_t>::max();
-  return (vertices << 32) / shares + ((vertices << 32) % shares != 0 ? 1 : 0);
-}
-
-/// The best rate found in `kRounds` rounds that stays within `budget`.
-///
-/// The sum of clamp(rate * share) grows with the rate piece by piece in straight lines. From the
-/// rate of equation 1, each round deals out what is left to the instances that are neither at their
-/// least nor at their most (a Newton step); a step that leaves the bracket, and the last one, take
-/// the chord instead, which the least counts bend to the safe side.
-std::uint64_t rate_within(Dealer& dealer, std::uint64_t budget, std::uint64_t first_rate,
-                          std::uint64_t least_sum, std::uint64_t most_sum) {
-  if (most_sum <= budget) return std::numeric_limits<std::uint64_t>::max();
-  std::uint64_t low = 0, low_sum = least_sum;
-  std::uint64_t high = std::numeric_limits<std::uint64_t>::max(), high_sum = 0;
-  bool has_high = false;
-  std::uint64_t rate = first_rate;
-  for (int round = 0; round <= kRounds; ++round) {
-    const Deal dealt = dealer.deal(rate);
-    if (dealt.vertices <= budget) {
-      low = rate;
-      low_sum = dealt.vertices;
-      if (budget - low_sum <= budget / 1024) break;
-    } else {
-      high = rate;
-      high_sum = dealt.vertices;
-      has_high = true;
-    }
-    // from what came of it, not from rate * shares: floors and snapping lose half a vertex each
-    std::uint64_t next = 0;
-    if (dealt.vertices <= budget) {
-      const std::uint64_t more = rate_of(budget - dealt.vertices, dealt.free_shares);
-      next = more < high - rate ? rate + more : high;
-    } else {
-      const std::uint64_t less = rate_of(dealt.vertices - budget, dealt.free_shares);
-      next = less < rate ? rate - less : low;
-    }
-    const bool is_last = round + 1 == kRounds;
-    if (has_high &&
-        (next <= low || next >= high || (is_last && low_sum + budget / 1024 < budget))) {
-      const double share =
-          static_cast<double>(budget - low_sum) / static_cast<double>(high_sum - low_sum);
-      next = low + static_cast<std::uint64_t>(static_cast<double>(high - low) * share);
-    }
-    if (next <= low || next >= high) break;
-    rate = next;
-  }
-  return low;
 }
 
 }  // namespace
@@ -199,7 +140,7 @@ void select(CpuView& view, const Selection& selection, Machine machine) {
 
   // equation 1's weights as integers, and the sums that bound the budget
   std::vector<std::uint64_t>& shares = view.chunk_sum;
-  std::vector<std::uint64_t>& least = view.chunk_fixed;
+  std::vector<std::uint64_t>& least = view.chunk_least;
   std::vector<std::uint64_t>& most = view.chunk_free;
   machine.pool.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {
     std::uint64_t share_sum = 0, least_sum = 0, most_sum = 0;
@@ -227,9 +168,12 @@ void select(CpuView& view, const Selection& selection, Machine machine) {
   const std::uint64_t budget =
       std::min<std::uint64_t>(selection.vertex_budget, std::numeric_limits<std::uint32_t>::max());
   view.effective_budget = std::max(selection.vertex_budget, least_sum);
-  std::uint64_t rate = rate_of(budget, share_sum);
+  std::uint64_t rate = element::rate_of(budget, share_sum);
   if (selection.rule == LodRule::kBudget && count > 0) {
-    rate = rate_within(dealer, std::max(budget, least_sum), rate, least_sum, most_sum);
+    element::RateSearch search =
+        element::begin_search(std::max(budget, least_sum), rate, least_sum, most_sum);
+    while (!search.done) element::search_on(search, dealer.deal(search.rate));
+    rate = search.low;
   }
   dealer.assign(rate);
 }

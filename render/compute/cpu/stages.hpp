@@ -49,7 +49,7 @@ struct CpuView final : ViewWork {
   Buffer<BatchVertex> vertices;
   Buffer<std::uint32_t> indices;
   std::vector<std::uint32_t> chunk_count;  // visible instances by chunk of slots
-  std::vector<std::uint64_t> chunk_sum, chunk_fixed, chunk_free;
+  std::vector<std::uint64_t> chunk_sum, chunk_least, chunk_free;
   std::uint64_t effective_budget = 0;
   std::uint32_t posed_meshes = 0;  // made for this frame
   std::uint64_t posed_bytes = 0;   // of the bank

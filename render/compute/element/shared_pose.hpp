@@ -76,5 +76,7 @@ inline constexpr float kTierError[kTiers] = {0.0066F, 0.0097F, 0.018F, 0.036F};
 inline constexpr float kSharedErrorPx = 0.25F;
 /// Of the bounding sphere; larger agents never share.
 inline constexpr float kSharedRadiusPx = 48.0F;
+/// The same as drawn at the edge of a wide angle; twice that is under the 128 pixels of 16 bits.
+inline constexpr float kSharedDrawnOutPx = 60.0F;
 
 }  // namespace throng::render::element
