@@ -113,10 +113,12 @@ struct FramePipeline::State {
         with_pieces->members.push_back({piece, 0.0F, true});
       }
     }
+    // should one of the two fail, nothing is known to be where it was
+    placed.clear();
+    advanced = {};
     if (absl::Status status = backend->upload(with_pieces); !status.ok()) return status;
     if (absl::Status status = rasterizer->upload(with_pieces); !status.ok()) return status;
     placed = std::move(kept);
-    advanced = {};  // members have moved
     return placed.back().members;
   }
 
