@@ -457,6 +457,13 @@ class CudaBackend final : public ComputeBackend {
       THRONG_CUDA_TRY(cudaEventCreateWithFlags(&staging.copied, cudaEventDisableTiming),
                       "device 0");
     }
+    // what a frame gives back is kept for the next one, not returned whenever the host waits
+    cudaMemPool_t pool = nullptr;
+    std::uint64_t threshold_bytes = std::numeric_limits<std::uint64_t>::max();
+    THRONG_CUDA_TRY(cudaDeviceGetDefaultMemPool(&pool, 0), "device 0");
+    THRONG_CUDA_TRY(
+        cudaMemPoolSetAttribute(pool, cudaMemPoolAttrReleaseThreshold, &threshold_bytes),
+        "device 0");
     THRONG_CUDA_TRY(probe_kernels(stream_), "device 0 can't run the built kernels");
     THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), "device 0");
     return absl::OkStatus();

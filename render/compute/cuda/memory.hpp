@@ -76,6 +76,7 @@ class PinnedBuffer {
     release();
     const std::size_t capacity = size_bytes + size_bytes / 2;
     if (const cudaError_t error = cudaMallocHost(&data_, capacity); error != cudaSuccess) {
+      data_ = nullptr;
       return error;
     }
     capacity_ = capacity;

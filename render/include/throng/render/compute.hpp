@@ -23,11 +23,12 @@ enum class LodRule { kBudget, kDong2019 };
 /// kExact: every agent has its own pose and the vertex count that LOD selection gave it, collapse
 /// by collapse; what the other one is compared with. kShared: agents whose pose would be off by
 /// less than a quarter of a pixel take the nearest of a cast's fixed poses and the next coarser of
-/// its levels of detail; near ones are as in kExact.
+/// its levels of detail; near ones are as in kExact. The cuda backend takes it for kExact so far.
 enum class PoseMode { kShared, kExact };
 
 /// kBatched: all vertices in one array and all indices in another (the published method). kFused:
-/// agents that share a pose are only listed, and the rasterizer makes their vertices in cache.
+/// agents that share a pose are only listed, and the rasterizer makes their vertices in cache. The
+/// cuda backend makes kBatched of it so far.
 enum class GeometryKind { kBatched, kFused };
 
 /// What stands around the crowd: members of the cast that are drawn once each, at the crowd's
