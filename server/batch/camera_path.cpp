@@ -114,7 +114,8 @@ std::optional<AgentState> agent_at(const render::Crowd& crowd, std::uint64_t age
   const auto time_us = std::llround(time_s * 1e6);
   const render::Bracket bracket = crowd.bracket(time_us);
   const auto state_in = [&](const render::Snapshot* snapshot) -> std::optional<AgentState> {
-    if (snapshot == nullptr) return std::nullopt;
+    if (snapshot == nullptr || snapshot->roster == nullptr)
+      return std::nullopt;  // nobody ever came
     const std::vector<std::uint64_t>& ids = snapshot->roster->id;
     for (std::size_t slot = 0; slot < snapshot->present.size(); ++slot) {
       if (ids[slot] != agent || snapshot->present[slot] == 0) continue;
