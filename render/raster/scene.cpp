@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "render/compute/cpu/work_pool.hpp"
 #include "render/raster/element/color.hpp"
 #include "render/raster/element/tint.hpp"
 
@@ -65,7 +66,7 @@ SceneFrame make_scene_frame(const Camera& camera, const Viewport& viewport,
 }
 
 void shade_instances(const FrameGeometry& geometry, const Cast& cast, const SceneFrame& scene,
-                     const Look& look, std::vector<InstanceShade>& shades,
+                     const Look& look, WorkPool& pool, std::vector<InstanceShade>& shades,
                      std::vector<std::uint32_t>& casters) {
   const std::size_t count = geometry.instances.size();
   shades.resize(count);
@@ -75,35 +76,42 @@ void shade_instances(const FrameGeometry& geometry, const Cast& cast, const Scen
                    [](const CastMember& member) { return member.environment; }) -
       cast.members.begin());
   std::vector<std::uint32_t> walls;
-  for (std::size_t i = 0; i < count; ++i) {
-    const VisibleInstance& instance = geometry.instances[i];
-    InstanceShade& shade = shades[i];
-    shade.feet_relative = instance.position_relative;
-    shade.height_m =
-        std::max(cast.members[instance.character].character.height_m, 0.05F) * instance.scale;
-    const element::Tints tints = element::tints_of(instance.seed);
-    shade.tint[0] = element::pack_tint(tints.skin);
-    shade.tint[1] = element::pack_tint(tints.hair);
-    shade.tint[2] = element::pack_tint(tints.top);
-    shade.tint[3] = element::pack_tint(tints.bottom);
-    shade.character = instance.character;
-    shade.channel = look.color_by_channel
-                        ? element::pack_color(channel_color(instance.channel, look))
-                        : kNoChannel;
-    shade.cast_shadow = 0.0F;
-    const float distance_m =
-        scene.orthographic ? 1.0F : std::max(glm::length(instance.position_relative), 0.1F);
-    shade.size_px = shade.height_m * scene.px_per_tangent / distance_m;
-    if (instance.character >= first_surrounding) {
-      shade.character = first_surrounding;  // all have its texture
-      shade.channel = kNoChannel;
-      shade.cast_shadow = 1.0F;  // and no blob
-      if (scene.shadows) walls.push_back(static_cast<std::uint32_t>(i));
+  constexpr std::size_t kChunk = 512;
+  pool.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const VisibleInstance& instance = geometry.instances[i];
+      InstanceShade& shade = shades[i];
+      shade.feet_relative = instance.position_relative;
+      shade.height_m =
+          std::max(cast.members[instance.character].character.height_m, 0.05F) * instance.scale;
+      const element::Tints tints = element::tints_of(instance.seed);
+      shade.tint[0] = element::pack_tint(tints.skin);
+      shade.tint[1] = element::pack_tint(tints.hair);
+      shade.tint[2] = element::pack_tint(tints.top);
+      shade.tint[3] = element::pack_tint(tints.bottom);
+      shade.character = instance.character;
+      shade.channel = look.color_by_channel
+                          ? element::pack_color(channel_color(instance.channel, look))
+                          : kNoChannel;
+      shade.cast_shadow = 0.0F;
+      const float distance_m =
+          scene.orthographic ? 1.0F : std::max(glm::length(instance.position_relative), 0.1F);
+      shade.size_px = shade.height_m * scene.px_per_tangent / distance_m;
+      if (instance.character >= first_surrounding) {
+        shade.character = first_surrounding;  // all have its texture
+        shade.channel = kNoChannel;
+        shade.cast_shadow = 1.0F;  // and no blob
+      }
+    }
+  });
+  for (std::size_t i = 0; i < count && scene.shadows; ++i) {
+    if (geometry.instances[i].character >= first_surrounding) {
+      walls.push_back(static_cast<std::uint32_t>(i));
       continue;
     }
     const bool has_vertices =
         geometry.shared.empty() || geometry.shared[i].level == SharedInstance::kOwn;
-    if (scene.shadows && shade.size_px > kCastShadowFromPx && has_vertices) {
+    if (has_vertices && shades[i].size_px > kCastShadowFromPx) {
       casters.push_back(static_cast<std::uint32_t>(i));
     }
   }

@@ -44,7 +44,7 @@ static_assert(sizeof(InstanceShade) == 48);
 /// to 64), the tallest first, until they cost a third of the figures' own triangles; and all of the
 /// surroundings. `casters` are indices into the visible list, rising.
 void shade_instances(const FrameGeometry& geometry, const Cast& cast, const SceneFrame& scene,
-                     const Look& look, std::vector<InstanceShade>& shades,
+                     const Look& look, WorkPool& pool, std::vector<InstanceShade>& shades,
                      std::vector<std::uint32_t>& casters);
 
 }  // namespace throng::render

@@ -413,7 +413,7 @@ class GlRasterizer final : public Rasterizer {
     }
     shades_.clear();
     casters_.clear();
-    if (cast_ != nullptr) shade_instances(geometry, *cast_, scene, look, shades_, casters_);
+    if (cast_ != nullptr) shade_instances(geometry, *cast_, scene, look, pool_, shades_, casters_);
     if (!shades_.empty()) {
       std::memcpy(instances_.data(), shades_.data(), shades_.size() * sizeof(InstanceShade));
     }

@@ -27,6 +27,7 @@ constexpr std::size_t kPixels = kTilePx * kTilePx;
 constexpr std::uint64_t kCellRefreshTriangles = 512;
 /// Shared figures whose triangles are smaller than this on the average have one colour for each.
 constexpr float kFlatTrianglePx2 = 1.5F;
+constexpr std::uint32_t kLeastShadowVertices = 96;
 constexpr float kFlatFigurePx = 14.0F;  // of larger figures the difference shows (SSIM 0.006)
 
 /// What a tile needs to know of a visible instance; they lie anywhere in memory, so one cache line.
@@ -61,6 +62,43 @@ struct TileScratch {
   alignas(64) float background_share[kPixels];
   TileCounters counters;
 };
+
+/// Samples that a blob may darken: its rectangle on the ground, a little enlarged; all of them when
+/// a corner lies behind the eye.
+Footprint blob_rectangle(const SampleGrid& grid, const Blob& blob, float ground_relative_m) {
+  const auto corner = [&](float along, float across) {
+    return blob.feet_relative +
+           (blob.away * along + glm::vec2(-blob.away.y, blob.away.x) * across) * blob.meter;
+  };
+  Footprint rectangle{0, 0, grid.width - 1, grid.height - 1, 0.0F, false};
+  if (std::max(blob.contact, blob.body) < 0.004F) {
+    rectangle.x_high = -1;
+    return rectangle;
+  }
+  const glm::mat4& m = grid.clip_from_relative;
+  const glm::vec4 origin = m * glm::vec4(corner(-0.55F, -0.55F), ground_relative_m, 1.0F);
+  const glm::vec2 along = blob.away * ((blob.reach + 0.9F) * blob.meter);
+  const glm::vec2 across = glm::vec2(-blob.away.y, blob.away.x) * (1.1F * blob.meter);
+  const glm::vec4 u = m[0] * along.x + m[1] * along.y, v = m[0] * across.x + m[1] * across.y;
+  const glm::vec4 corners[4] = {origin, origin + u, origin + v, origin + u + v};
+  glm::vec2 low(1e9F), high(-1e9F);
+  for (const glm::vec4& p : corners) {
+    if (!(p.w > 0.0F) || !(p.z <= p.w) || !(p.z >= 0.0F)) return rectangle;
+    const glm::vec2 place = glm::vec2(p) / p.w;
+    low = glm::min(low, place);
+    high = glm::max(high, place);
+  }
+  const auto sample = [](float ndc, std::int32_t count) {
+    const float limit = static_cast<float>(count) + 2.0F;
+    return static_cast<std::int32_t>(
+        std::clamp((1.0F + ndc) * 0.5F * static_cast<float>(count), -2.0F, limit));
+  };
+  rectangle.x_low = std::max(0, sample(low.x, grid.width) - 1);
+  rectangle.x_high = std::min(grid.width - 1, sample(high.x, grid.width) + 1);
+  rectangle.y_low = std::max(0, sample(-high.y, grid.height) - 1);
+  rectangle.y_high = std::min(grid.height - 1, sample(-low.y, grid.height) + 1);
+  return rectangle;
+}
 
 class VisibilityRasterizer final : public Rasterizer {
  public:
@@ -164,17 +202,22 @@ class VisibilityRasterizer final : public Rasterizer {
   std::vector<InstanceShade> shades_;          // [V]
   Bins<std::uint64_t> bins_;                   // depth and number: rising is near to far
   Bins<std::uint32_t> blob_bins_, caster_bins_;
-  std::vector<Blob> blobs_;  // [V]
+  struct BlobRecord {
+    Blob blob;
+    Footprint place;
+  };
+  std::vector<BlobRecord> blobs_;  // [V]
   std::vector<std::uint32_t> casters_;
   std::vector<BatchVertex> shadow_vertices_;
   std::vector<std::uint32_t> shadow_indices_;
   Projected shadow_projected_;
   struct Caster {
     Footprint footprint;
-    std::uint32_t first_vertex, first_index, triangles;
+    static constexpr std::uint32_t kAllTriangles = 0xffffffffU;
+    std::uint32_t first_vertex, vertices, first_index, triangles;
+    std::uint32_t level;  // or kAllTriangles: as the figure
   };
   std::vector<Caster> caster_shapes_;
-  std::vector<Footprint> blob_rectangles_;  // [V]
 };
 
 RasterCounters VisibilityRasterizer::counters() const {
@@ -209,7 +252,6 @@ RasterCounters VisibilityRasterizer::counters() const {
   add(blob_bins_.entries);
   add(blob_bins_.next);
   add(blobs_);
-  add(blob_rectangles_);
   add(shadow_vertices_);
   add(shadow_indices_);
   return sum;
@@ -475,9 +517,25 @@ void VisibilityRasterizer::project_shadows(const FrameGeometry& geometry, const 
   std::uint32_t vertices = 0, indices = 0;
   for (std::size_t c = 0; c < casters_.size(); ++c) {
     const std::uint32_t i = casters_[c];
-    caster_shapes_[c] = {{}, vertices, indices, drawn_[i].triangle_count};
-    vertices += geometry.vertex_offset[i + 1] - geometry.vertex_offset[i];
-    indices += 3 * drawn_[i].triangle_count;
+    // a shadow on the ground shows less than the figure: a level with a quarter of its vertices
+    const VisibleInstance& instance = geometry.instances[i];
+    std::uint32_t level = Caster::kAllTriangles;
+    std::uint32_t vertex_count = geometry.vertex_offset[i + 1] - geometry.vertex_offset[i];
+    std::uint32_t triangle_count = drawn_[i].triangle_count;
+    const std::uint32_t wanted =
+        std::clamp(vertex_count / 4, kLeastShadowVertices, LevelTable::kMostVertices);
+    if (wanted < vertex_count && !cast_->members[instance.character].environment) {
+      const std::uint32_t coarser = levels_.level_at[instance.character][wanted];
+      if (coarser < levels_.levels.size() &&
+          levels_.levels[coarser].character == instance.character) {
+        level = coarser;
+        vertex_count = levels_.levels[coarser].vertex_count;
+        triangle_count = levels_.levels[coarser].triangle_count;
+      }
+    }
+    caster_shapes_[c] = {{}, vertices, vertex_count, indices, triangle_count, level};
+    vertices += vertex_count;
+    indices += 3 * triangle_count;
   }
   if (shadow_vertices_.size() < vertices) shadow_vertices_.resize(vertices + vertices / 2);
   if (shadow_indices_.size() < indices) shadow_indices_.resize(indices + indices / 2);
@@ -488,7 +546,7 @@ void VisibilityRasterizer::project_shadows(const FrameGeometry& geometry, const 
     Caster& caster = caster_shapes_[c];
     InstanceShade& shade = shades_[i];
     const std::uint32_t begin = geometry.vertex_offset[i];
-    const std::uint32_t count = geometry.vertex_offset[i + 1] - begin;
+    const std::uint32_t count = caster.vertices;
     for (std::uint32_t v = 0; v < count; ++v) {
       BatchVertex vertex = geometry.vertices[begin + v];
       glm::vec3& p = vertex.position_relative;
@@ -500,9 +558,18 @@ void VisibilityRasterizer::project_shadows(const FrameGeometry& geometry, const 
           std::min(height_m / std::max(shade.height_m, 0.1F), 1.0F) * 65535.0F);
       shadow_vertices_[caster.first_vertex + v] = vertex;
     }
-    const std::uint32_t* index = geometry.indices.data() + drawn_[i].first;
-    for (std::uint32_t k = 0; k < 3 * caster.triangles; ++k) {
-      shadow_indices_[caster.first_index + k] = index[k] - begin + caster.first_vertex;
+    std::uint32_t* out = shadow_indices_.data() + caster.first_index;
+    if (caster.level == Caster::kAllTriangles) {
+      const std::uint32_t* index = geometry.indices.data() + drawn_[i].first;
+      for (std::uint32_t k = 0; k < 3 * caster.triangles; ++k) {
+        *out++ = index[k] - begin + caster.first_vertex;
+      }
+    } else {
+      const std::uint32_t* corners =
+          levels_.corners.data() + levels_.levels[caster.level].first_triangle;
+      for (std::uint32_t t = 0; t < caster.triangles; ++t) {
+        for (int k = 0; k < 3; ++k) *out++ = corner_of(corners[t], k) + caster.first_vertex;
+      }
     }
     caster.footprint = project_vertices(grid_, shadow_vertices_.data(), caster.first_vertex,
                                         caster.first_vertex + count, shadow_projected_);
@@ -540,103 +607,106 @@ void VisibilityRasterizer::bin_shadows(const SceneFrame& scene, const Viewport& 
                         cover(caster_shapes_[c].footprint, static_cast<std::uint32_t>(c), place);
                       }
                     });
-  blobs_.resize(shades_.size());
-  blob_rectangles_.resize(shades_.size());
+  if (blobs_.size() < count_) blobs_.resize(count_ + count_ / 2);
   constexpr std::size_t kChunk = 512;
-  pool_.for_chunks(shades_.size(), kChunk, [&](std::size_t begin, std::size_t end) {
-    Projected corners_projected;
-    corners_projected.resize(4);
+  pool_.for_chunks(count_, kChunk, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      blobs_[i] = make_blob(scene, shades_[i]);
-      const Blob& blob = blobs_[i];
-      BatchVertex corners[4]{};
-      for (int k = 0; k < 4; ++k) {
-        const float along = (k & 1) == 0 ? -0.55F : blob.reach + 0.35F;
-        const float across = (k & 2) == 0 ? -0.55F : 0.55F;
-        const glm::vec2 place =
-            blob.feet_relative +
-            (blob.away * along + glm::vec2(-blob.away.y, blob.away.x) * across) * blob.meter;
-        corners[k].position_relative = glm::vec3(place, scene.ground_relative_m);
-      }
-      Footprint& rectangle = blob_rectangles_[i];
-      rectangle = project_vertices(grid_, corners, 0, 4, corners_projected);
-      if (std::max(blob.contact, blob.body) < 0.004F) rectangle.x_high = rectangle.x_low - 1;
+      BlobRecord& record = blobs_[i];
+      record.blob = make_blob(scene, shades_[i]);
+      record.place = blob_rectangle(grid_, record.blob, scene.ground_relative_m);
     }
   });
-  blob_bins_.fill(tiles, blob_rectangles_.size(), pool_,
-                  [&](std::size_t begin, std::size_t end, auto&& place) {
-                    for (std::size_t i = begin; i < end; ++i) {
-                      cover(blob_rectangles_[i], static_cast<std::uint32_t>(i), place);
-                    }
-                  });
+  blob_bins_.fill(tiles, count_, pool_, [&](std::size_t begin, std::size_t end, auto&& place) {
+    for (std::size_t i = begin; i < end; ++i) {
+      cover(blobs_[i].place, static_cast<std::uint32_t>(i), place);
+    }
+  });
 }
 
 void VisibilityRasterizer::collect_items(int tile_x_px, int tile_y_px, int width, int height,
                                          TileScratch& scratch) const {
   scratch.items.count = scratch.shared_items.count = scratch.flat_items.count = 0;
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      const std::size_t at = sample_index(2 * x, 2 * y);
-      const std::size_t places[4] = {at, at + 1, at + 4, at + 5};
-      const auto pixel = static_cast<std::uint16_t>(y * kTilePx + x);
-      const float* depth = scratch.planes.depth;
-      const std::uint32_t* ids = scratch.planes.id;
-      const auto add = [&](std::uint32_t instance, std::uint32_t id, float x_px, float y_px,
-                           float weight) {
-        const DrawnInstance& drawn = drawn_[instance];
-        const std::uint32_t triangle =
-            (element::block_of(id) - drawn.first_block) * element::kBlockTriangles +
-            element::triangle_of(id);
-        const bool is_shared = (drawn.flags & DrawnInstance::kShared) != 0;
-        const bool is_flat = (drawn.flags & DrawnInstance::kFlat) != 0;
-        ShadeItems& items = is_flat     ? scratch.flat_items
-                            : is_shared ? scratch.shared_items
-                                        : scratch.items;
-        const std::size_t n = items.count++;
-        items.triangle[n] =
-            static_cast<std::int32_t>(drawn.first + (is_shared ? triangle : 3 * triangle));
-        items.instance[n] = static_cast<std::int32_t>(instance);
-        items.x_px[n] = static_cast<float>(tile_x_px + x) + x_px;
-        items.y_px[n] = static_cast<float>(tile_y_px + y) + y_px;
-        items.weight[n] = weight;
-        items.pixel[n] = pixel;
-      };
-      // most pixels lie within one triangle or on nothing
-      if (ids[at] == ids[at + 1] && ids[at] == ids[at + 4] && ids[at] == ids[at + 5]) {
-        const bool here = depth[at] != 0.0F && depth[at + 1] != 0.0F && depth[at + 4] != 0.0F &&
-                          depth[at + 5] != 0.0F;
-        const bool nothing = depth[at] == 0.0F && depth[at + 1] == 0.0F && depth[at + 4] == 0.0F &&
-                             depth[at + 5] == 0.0F;
-        if (here || nothing) {
-          scratch.background_share[pixel] = nothing ? 1.0F : 0.0F;
-          if (here) add(block_instance_[element::block_of(ids[at])], ids[at], 0.5F, 0.5F, 1.0F);
-          continue;
-        }
+  const float* depth = scratch.planes.depth;
+  const std::uint32_t* ids = scratch.planes.id;
+  BlockKind kinds[kTileSamples / 4][kTileSamples / 4];
+  classify_blocks(scratch.planes, &kinds[0][0]);
+  // by which of a pixel's samples show the item: bit 0 left above, 1 right above, 2 left below
+  struct Place {
+    float x, y, weight;
+  };
+  static constexpr std::array<Place, 16> kPlaces = [] {
+    std::array<Place, 16> places{};
+    for (unsigned bits = 1; bits < 16; ++bits) {
+      float samples = 0.0F, x = 0.0F, y = 0.0F;
+      for (unsigned k = 0; k < 4; ++k) {
+        if ((bits >> k & 1U) == 0) continue;
+        samples += 1.0F;
+        x += (k & 1U) != 0 ? 0.75F : 0.25F;
+        y += (k & 2U) != 0 ? 0.75F : 0.25F;
       }
-      std::uint32_t instance_of[4];
-      int empty = 0;
-      for (int k = 0; k < 4; ++k) {
-        if (scratch.planes.depth[places[k]] == 0.0F) {
-          instance_of[k] = ~0U;
-          ++empty;
-        } else {
-          instance_of[k] = block_instance_[element::block_of(scratch.planes.id[places[k]])];
+      places[bits] = {x / samples, y / samples, 0.25F * samples};
+    }
+    return places;
+  }();
+  const auto add = [&](int x, int y, std::uint32_t instance, std::uint32_t id, unsigned samples) {
+    const DrawnInstance& drawn = drawn_[instance];
+    const std::uint32_t triangle =
+        (element::block_of(id) - drawn.first_block) * element::kBlockTriangles +
+        element::triangle_of(id);
+    const bool is_shared = (drawn.flags & DrawnInstance::kShared) != 0;
+    const bool is_flat = (drawn.flags & DrawnInstance::kFlat) != 0;
+    ShadeItems& items = is_flat     ? scratch.flat_items
+                        : is_shared ? scratch.shared_items
+                                    : scratch.items;
+    const std::size_t n = items.count++;
+    const Place& place = kPlaces[samples];
+    items.triangle[n] =
+        static_cast<std::int32_t>(drawn.first + (is_shared ? triangle : 3 * triangle));
+    items.instance[n] = static_cast<std::int32_t>(instance);
+    items.x_px[n] = static_cast<float>(tile_x_px + x) + place.x;
+    items.y_px[n] = static_cast<float>(tile_y_px + y) + place.y;
+    items.weight[n] = place.weight;
+    items.pixel[n] = static_cast<std::uint16_t>(y * kTilePx + x);
+  };
+  for (int by = 0; 2 * by < height; ++by) {
+    for (int bx = 0; 2 * bx < width; ++bx) {
+      const BlockKind kind = kinds[by][bx];
+      // a block's second row or column may lie beyond the picture: its items are not asked for
+      const int last_x = std::min(2 * bx + 1, width - 1), last_y = std::min(2 * by + 1, height - 1);
+      for (int y = 2 * by; y <= last_y; ++y) {
+        for (int x = 2 * bx; x <= last_x; ++x) {
+          float& background = scratch.background_share[y * kTilePx + x];
+          const std::size_t at = sample_index(2 * x, 2 * y);
+          if (kind == BlockKind::kEmpty) {
+            background = 1.0F;
+            continue;
+          }
+          if (kind == BlockKind::kOneTriangle) {
+            background = 0.0F;
+            add(x, y, block_instance_[element::block_of(ids[at])], ids[at], 15);
+            continue;
+          }
+          const std::size_t places[4] = {at, at + 1, at + 4, at + 5};
+          std::uint32_t instance_of[4];
+          unsigned rest = 0;
+          for (unsigned k = 0; k < 4; ++k) {
+            const bool is_here = depth[places[k]] != 0.0F;
+            rest |= static_cast<unsigned>(is_here) << k;
+            // ids where nothing is are 0: a block that exists
+            instance_of[k] = block_instance_[element::block_of(ids[places[k]])];
+          }
+          background = 1.0F - 0.25F * static_cast<float>(__builtin_popcount(rest));
+          while (rest != 0) {
+            const int first = __builtin_ctz(rest);
+            unsigned same = 0;
+            for (unsigned k = 0; k < 4; ++k) {
+              same |= static_cast<unsigned>(instance_of[k] == instance_of[first]) << k;
+            }
+            same &= rest;
+            rest &= ~same;
+            add(x, y, instance_of[first], ids[places[first]], same);
+          }
         }
-      }
-      scratch.background_share[pixel] = 0.25F * static_cast<float>(empty);
-      if (empty == 4) continue;
-      for (int k = 0; k < 4; ++k) {
-        const std::uint32_t instance = instance_of[k];
-        if (instance == ~0U) continue;
-        float samples = 0.0F, sum_x = 0.0F, sum_y = 0.0F;
-        for (int j = k; j < 4; ++j) {
-          if (instance_of[j] != instance) continue;
-          instance_of[j] = ~0U;
-          samples += 1.0F;
-          sum_x += (j & 1) != 0 ? 0.75F : 0.25F;
-          sum_y += (j & 2) != 0 ? 0.75F : 0.25F;
-        }
-        add(instance, ids[places[k]], sum_x / samples, sum_y / samples, 0.25F * samples);
       }
     }
   }
@@ -666,19 +736,20 @@ void VisibilityRasterizer::add_background(const SceneFrame& scene, std::size_t t
         }
       }
     }
-    for (const std::uint32_t i : blob_bins_.of(tile)) {
-      const Footprint& f = blob_rectangles_[i];
+    const std::span<const std::uint32_t> list = blob_bins_.of(tile);
+    for (std::size_t k = 0; k < list.size(); ++k) {
+      if (k + 4 < list.size()) __builtin_prefetch(&blobs_[list[k + 4]]);
+      const BlobRecord& record = blobs_[list[k]];
+      const Footprint& f = record.place;
       const int x0 = std::max(0, f.x_low / 2 - tile_x_px),
                 x1 = std::min(width - 1, f.x_high / 2 - tile_x_px);
       const int y0 = std::max(0, f.y_low / 2 - tile_y_px),
                 y1 = std::min(height - 1, f.y_high / 2 - tile_y_px);
-      // whole rows of the tile: vectors start where the tile does, so no pixel depends on f
-      if (x0 > x1) continue;
-      for (int y = y0; y <= y1; ++y) {
-        const int from = x0 & ~15;
-        shade_blob(scene, blobs_[i], tile_x_px + from, tile_y_px + y, ((x1 | 15) - from) + 1,
-                   scratch.missing + y * kTilePx + from);
-      }
+      if (x0 > x1 || y0 > y1) continue;
+      // whole vectors of the tile: they start where the tile does, so no pixel depends on f
+      const int from = x0 & ~15;
+      shade_blob(scene, record.blob, tile_x_px + from, tile_y_px + y0, ((x1 | 15) - from) + 1,
+                 y1 - y0 + 1, kTilePx, scratch.missing + y0 * kTilePx + from);
     }
   }
   for (int y = 0; y < height; ++y) {
@@ -718,10 +789,10 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
   const int height = std::min(kTilePx, static_cast<int>(viewport.height_px) - tile_y_px);
   const int tile_x = tile_x_px * 2, tile_y = tile_y_px * 2;
 
-  clear_tile(scratch.planes);
-  std::memset(scratch.rgb, 0, sizeof(scratch.rgb));
+  const bool may_draw = count_ > 0 && !bins_.of(tile).empty();
+  if (may_draw) clear_tile(scratch.planes);
   bool empty = true;
-  if (count_ > 0) {
+  if (may_draw) {
     const std::span<const std::uint64_t> list = bins_.of(tile);
     // near to far, so that what is hidden is known to be when its turn comes
     std::vector<std::uint64_t>& order = scratch.order;
@@ -766,6 +837,19 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
       empty = false;
     }
   }
+  if (empty && (!scene.shadows || count_ == 0 ||
+                (blob_bins_.of(tile).empty() && caster_bins_.of(tile).empty()))) {
+    for (int y = 0; y < height; ++y) {
+      shade_background(scene, tile_x_px, tile_y_px + y, kTilePx, scratch.row[0], scratch.row[1],
+                       scratch.row[2]);
+      encode_row(
+          scratch.row[0], scratch.row[1], scratch.row[2], width,
+          picture.rgbx.data() + 4 * (static_cast<std::size_t>(tile_y_px + y) * picture.width_px +
+                                     static_cast<std::size_t>(tile_x_px)));
+    }
+    return;
+  }
+  std::memset(scratch.rgb, 0, sizeof(scratch.rgb));
   if (empty) {
     std::fill(scratch.background_share, scratch.background_share + kPixels, 1.0F);
   } else {
@@ -810,7 +894,7 @@ absl::Status VisibilityRasterizer::draw(const FrameGeometry& geometry, const Cam
     count_ = geometry.instances.size();
     if (count_ > 0) {
       if (absl::Status status = number_blocks(geometry); !status.ok()) return status;
-      shade_instances(geometry, *cast_, scene, look, shades_, casters_);
+      shade_instances(geometry, *cast_, scene, look, pool_, shades_, casters_);
       prepare(geometry);
       bin();
       if (scene.shadows) {

@@ -96,9 +96,10 @@ struct Blob {
 };
 Blob make_blob(const SceneFrame& scene, const InstanceShade& shade);
 
-/// Raises `missing` (share of light that is missing) of a row of pixels by a blob.
-void shade_blob(const SceneFrame& scene, const Blob& blob, int x_px, int y_px, int count,
-                float* missing);
+/// Raises `missing` (share of light that is missing) of `rows` rows of `count` pixels, `stride`
+/// values apart, by a blob.
+void shade_blob(const SceneFrame& scene, const Blob& blob, int x_px, int y_px, int count, int rows,
+                int stride, float* missing);
 
 /// A row of linear colours (0 to 1, aligned to 64 bytes) as 8-bit sRGB r g b 255, rounded.
 void encode_row(const float* r, const float* g, const float* b, int count, std::uint8_t* rgbx);

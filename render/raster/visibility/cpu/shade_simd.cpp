@@ -697,8 +697,8 @@ void ShadeBackground(const SceneFrame& scene, int x_px, int y_px, int count, flo
   }
 }
 
-void ShadeBlob(const SceneFrame& scene, const Blob& blob, int x_px, int y_px, int count,
-               float* missing) {
+void ShadeBlobRow(const SceneFrame& scene, const Blob& blob, int x_px, int y_px, int count,
+                  float* missing) {
   const FloatTag df;
   const int lanes = static_cast<int>(hn::Lanes(df));
   const float y = static_cast<float>(y_px) + 0.5F;
@@ -733,6 +733,13 @@ void ShadeBlob(const SceneFrame& scene, const Blob& blob, int x_px, int y_px, in
                    Times(hn::Sub(Set(0.50F), Times(share, 0.20F)), blob.body));
     const F raised = hn::IfThenElseZero(down, hn::Max(contact, body));
     hn::StoreU(hn::Max(hn::LoadU(df, missing + i), raised), df, missing + i);
+  }
+}
+
+void ShadeBlob(const SceneFrame& scene, const Blob& blob, int x_px, int y_px, int count, int rows,
+               int stride, float* missing) {
+  for (int row = 0; row < rows; ++row) {
+    ShadeBlobRow(scene, blob, x_px, y_px + row, count, missing + row * stride);
   }
 }
 
@@ -864,9 +871,9 @@ void shade_background(const SceneFrame& scene, int x_px, int y_px, int count, fl
   HWY_DYNAMIC_DISPATCH(ShadeBackground)(scene, x_px, y_px, count, r, g, b);
 }
 
-void shade_blob(const SceneFrame& scene, const Blob& blob, int x_px, int y_px, int count,
-                float* missing) {
-  HWY_DYNAMIC_DISPATCH(ShadeBlob)(scene, blob, x_px, y_px, count, missing);
+void shade_blob(const SceneFrame& scene, const Blob& blob, int x_px, int y_px, int count, int rows,
+                int stride, float* missing) {
+  HWY_DYNAMIC_DISPATCH(ShadeBlob)(scene, blob, x_px, y_px, count, rows, stride, missing);
 }
 
 Blob make_blob(const SceneFrame& scene, const InstanceShade& shade) {

@@ -124,6 +124,12 @@ void draw_shared(const SharedTriangles& triangles, const SampleGrid& grid, int t
 /// Renews the cells' lower bounds from the depth plane.
 void update_cells(TilePlanes& planes);
 
+/// What a 4x4 block shows.
+enum class BlockKind : std::uint8_t { kEmpty, kOneTriangle, kMixed };
+
+/// Kinds of the tile's blocks, row by row [kTileSamples / 4]^2.
+void classify_blocks(const TilePlanes& planes, BlockKind* kinds);
+
 /// True if every sample of the rectangle (tile samples, inclusive) is nearer than `depth_high`.
 bool hidden(const TilePlanes& planes, int x_low, int y_low, int x_high, int y_high,
             float depth_high);

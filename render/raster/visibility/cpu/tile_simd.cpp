@@ -888,6 +888,28 @@ void UpdateCells(TilePlanes& planes) {
   }
 }
 
+void ClassifyBlocks(const TilePlanes& planes, BlockKind* kinds) {
+  const FloatTag df;
+  const UintTag du;
+  const std::size_t lanes = hn::Lanes(df);
+  constexpr std::size_t kBlocks = (kTileSamples / 4) * (kTileSamples / 4);
+  for (std::size_t block = 0; block < kBlocks; ++block) {
+    const float* depth = planes.depth + 16 * block;
+    const std::uint32_t* id = planes.id + 16 * block;
+    const auto first = hn::Set(du, id[0]);
+    bool is_empty = true, is_one = true;
+    for (std::size_t i = 0; i < 16; i += lanes) {
+      const auto nothing = hn::Eq(hn::Load(df, depth + i), hn::Zero(df));
+      is_empty = is_empty && hn::AllTrue(df, nothing);
+      is_one = is_one && hn::AllFalse(df, nothing) &&
+               hn::AllTrue(du, hn::Eq(hn::Load(du, id + i), first));
+    }
+    kinds[block] = is_empty ? BlockKind::kEmpty
+                   : is_one ? BlockKind::kOneTriangle
+                            : BlockKind::kMixed;
+  }
+}
+
 const char* SimdName() { return hwy::TargetName(HWY_TARGET); }
 
 }  // namespace HWY_NAMESPACE
@@ -901,6 +923,7 @@ HWY_EXPORT(ProjectVertices);
 HWY_EXPORT(DrawInstance);
 HWY_EXPORT(DrawShared);
 HWY_EXPORT(UpdateCells);
+HWY_EXPORT(ClassifyBlocks);
 HWY_EXPORT(SimdName);
 
 Footprint project_vertices(const SampleGrid& grid, const BatchVertex* vertices, std::size_t begin,
@@ -969,6 +992,10 @@ Footprint project_box(const SampleGrid& grid, const glm::vec3& low, const glm::v
 }
 
 void update_cells(TilePlanes& planes) { HWY_DYNAMIC_DISPATCH(UpdateCells)(planes); }
+
+void classify_blocks(const TilePlanes& planes, BlockKind* kinds) {
+  HWY_DYNAMIC_DISPATCH(ClassifyBlocks)(planes, kinds);
+}
 
 const char* simd_name() { return HWY_DYNAMIC_DISPATCH(SimdName)(); }
 
