@@ -205,15 +205,20 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
     Selection selection = settings.selection;
     selection.pose_mode = settings.pose_mode;
     selection.geometry = state.geometry;
-    status = state.backend->select(view, selection);
+    for (;;) {
+      status = state.backend->select(view, selection);
+      if (!status.ok()) return status;
+      clock.stop(&StageTimes::select_ms);
+      status = state.backend->allocate(view);
+      if (!status.ok()) return status;
+      clock.stop(&StageTimes::allocate_ms);
+      status = state.backend->generate(view);
+      clock.stop(&StageTimes::generate_ms);
+      if (!absl::IsResourceExhausted(status) || selection.pose_mode == PoseMode::kExact) break;
+      // a cast with more poses than the bank holds is drawn without sharing, slower but whole
+      selection.pose_mode = PoseMode::kExact;
+    }
     if (!status.ok()) return status;
-    clock.stop(&StageTimes::select_ms);
-    status = state.backend->allocate(view);
-    if (!status.ok()) return status;
-    clock.stop(&StageTimes::allocate_ms);
-    status = state.backend->generate(view);
-    if (!status.ok()) return status;
-    clock.stop(&StageTimes::generate_ms);
     geometry = state.backend->geometry(view);
     stats.counters = state.backend->counters(view);
     stats.counters.agents = (*instances)->present;

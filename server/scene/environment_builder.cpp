@@ -2,11 +2,16 @@
 
 #include <spdlog/spdlog.h>
 
+#include <chrono>
 #include <utility>
 
 #include "throng/render/environment.hpp"
 
 namespace throng::server {
+
+namespace {
+constexpr std::chrono::seconds kPause{1};
+}  // namespace
 
 EnvironmentBuilder::EnvironmentBuilder() : thread_([this] { run(); }) {}
 
@@ -68,6 +73,9 @@ void EnvironmentBuilder::run() {
     lock.lock();
     is_building_ = false;
     changed_.notify_all();
+    // New walls cost every viewer of the server a moment: an upload. No producer may ask for one
+    // after the other.
+    if (!job.crowd.expired()) changed_.wait_for(lock, kPause, [this] { return stop_; });
   }
 }
 

@@ -15,7 +15,8 @@
 namespace throng::server {
 
 /// Raises walls beside the connections, which must not wait for it: a site with many points takes
-/// seconds. One thread; a crowd whose area changes meanwhile gets the newest. Thread safe.
+/// seconds. One thread, one site a second at most; a crowd whose area changes meanwhile gets the
+/// newest. Thread safe.
 class EnvironmentBuilder {
  public:
   EnvironmentBuilder();
