@@ -15,7 +15,7 @@ constexpr std::uint32_t kMostPoses = 6;
 constexpr std::uint32_t kColorSize_px = 128;
 constexpr int kVisibilityScale = 4;  // pictures that count what is visible are larger
 // What an outline that moved counts on top of its colours, as a squared difference.
-constexpr float kCoverage = 0.15F;
+constexpr float kCoverage = 0.4F;
 constexpr std::uint32_t kBackground = 0x00808080U;
 
 std::uint32_t pack(const glm::vec3& color) {

@@ -10,6 +10,7 @@
 #include <memory>
 #include <string>
 
+#include "simplify/import/made_up.hpp"
 #include "support/data_dir.hpp"
 #include "support/tiny_character.hpp"
 
@@ -70,6 +71,12 @@ TEST_F(ProgramTest, BadInputIsThreeAndNamed) {
   EXPECT_EQ(run.code, 3);
   EXPECT_THAT(run.output, HasSubstr("missing.glb"));
   EXPECT_EQ(throng_bake("inspect " + folder_ + "/missing.throng").code, 3);
+  const std::string good = folder_ + "/post.glb";
+  test::write_file(good, test::bending_post().glb());
+  const ProgramRun mixed =
+      throng_bake(folder_ + "/missing.glb " + good + " -o " + folder_ + "/cast");
+  EXPECT_EQ(mixed.code, 3);
+  EXPECT_THAT(mixed.output, HasSubstr("1 baked, 0 unchanged, 1 failed"));
 }
 
 TEST_F(ProgramTest, UnwritableIsFive) {
@@ -80,7 +87,7 @@ TEST_F(ProgramTest, UnwritableIsFive) {
 TEST_F(ProgramTest, InspectsAndExports) {
   const std::string path = folder_ + "/tiny.throng";
   ASSERT_TRUE(
-      render::write_character(*render::make_character(test::make_tiny_character()), path).ok());
+      render::write_character(*render::make_character(throng::test::make_tiny_character()), path).ok());
   EXPECT_THAT(throng_bake("inspect " + path).output, HasSubstr("64 triangles"));
   EXPECT_THAT(throng_bake("inspect --json " + path).output, HasSubstr("\"triangles\": 64"));
   EXPECT_EQ(throng_bake("export " + path + " --vertices 20 -o " + folder_ + "/lod.obj").code, 0);
@@ -91,7 +98,7 @@ TEST_F(ProgramTest, InspectsAndExports) {
 TEST_F(ProgramTest, DamagedFileIsThree) {
   const std::string path = folder_ + "/tiny.throng";
   ASSERT_TRUE(
-      render::write_character(*render::make_character(test::make_tiny_character()), path).ok());
+      render::write_character(*render::make_character(throng::test::make_tiny_character()), path).ok());
   std::filesystem::resize_file(path, 1000);
   const ProgramRun run = throng_bake("inspect " + path);
   EXPECT_EQ(run.code, 3);
