@@ -134,6 +134,11 @@ class Socket final : public WebConnection, public std::enable_shared_from_this<S
     response.set_id(request.id());
     switch (request.request_case()) {
       case v1::WebRequest::kView:
+        // An acknowledgement that crossed the end of its view.
+        if (view_ == nullptr && !request.view().has_options() &&
+            request.view().acked_frame_index() != 0) {
+          return absl::OkStatus();
+        }
         if (view_ == nullptr) open_view();
         return view_->handle(request.view());
       case v1::WebRequest::kListCrowds:
