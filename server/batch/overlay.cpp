@@ -80,7 +80,8 @@ Ink viridis_ink(double t) {
 
 /// 0:12.40, 1:02:03.00
 std::string clock_text(std::int64_t time_us) {
-  const std::int64_t hundredths = (std::llabs(time_us) + 5'000) / 10'000;
+  // Divided before it is rounded and negated: any 64-bit time is a time that a file may hold.
+  const std::int64_t hundredths = std::llabs((time_us / 1'000 + (time_us < 0 ? -5 : 5)) / 10);
   const std::int64_t seconds = hundredths / 100;
   const char* sign = time_us < 0 ? "-" : "";
   if (seconds >= 3600) {

@@ -83,7 +83,8 @@ TEST(OverlayTest, LegendNeedsAChannel) {
 TEST(OverlayTest, SmallPicturesAndOddTextAreSurvived) {
   for (const std::uint32_t side : {1U, 16U, 64U}) {
     render::Picture picture = grey(side, side);
-    OverlayFacts facts{.scene_time_us = INT64_MIN + 1, .agents = 4'000'000'000U};
+    OverlayFacts facts{.scene_time_us = side == 16U ? INT64_MAX : INT64_MIN,
+                       .agents = 4'000'000'000U};
     facts.channel = "\xff\xfe\xc3";
     facts.camera.target_world = facts.camera.eye_world;
     draw_overlay({.time = true, .agents = true, .scale = true, .legend = true, .title = "\xc3"},
