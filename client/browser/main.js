@@ -50,6 +50,7 @@ let agents = [];
 let server = {limits: {}};
 /** @type {any} */
 let pending = null;           // options to send with the next frame of this page
+let needsView = true;         // the server does not know of this view
 let lastStamp = 0, lastPlaybackStamp = 0;
 let rangeIsAuto = false;
 let shownCamera = new OrbitCamera();
@@ -80,6 +81,7 @@ function flush() {
 
 /** Everything anew: at first and after a loss. */
 function askAll() {
+  needsView = false;
   const size = pictureSize();
   const playback = state.isLive ? {live: true}
                                 : {sceneTimeUs: String(state.timeUs), paused: state.isPaused, speed: state.speed};
@@ -124,6 +126,8 @@ function heldCamera() {
 
 function cameraMoved() {
   if (!state.camera) return;
+  const below = groundZ() + 0.15 - state.camera.eye[2];
+  if (below > 0) state.camera.move([0, 0, below]);
   byId('top-down').setAttribute('aria-pressed', String(state.camera.ortho));
   ask({camera: state.camera.message()});
   saveLink();
@@ -260,24 +264,32 @@ async function refreshCrowds() {
   const answer = await connection.ask({listCrowds: {}});
   crowds = answer.listCrowds.crowds ?? [];
   showCrowds(byId('crowd-list'), crowds, state.crowd, openCrowd);
-  showStart();
   showChannels();
+  if (!state.crowd) {
+    showStart();
+  } else if (!crowds.some(crowd => crowd.name === state.crowd)) {
+    needsView = true;
+    showBanner(`Waiting for the crowd '${state.crowd}'…`);
+  } else if (needsView) {
+    askAll();
+    showBanner('');
+  }
+}
+
+/** @param {string} text empty: nothing is wrong */
+function showBanner(text) {
+  byId('banner').hidden = !text;
+  byId('banner-text').textContent = text;
+  byId('banner-retry').hidden = connection.state === 'open';
 }
 
 /** The first screen, while there is nothing to show. */
 function showStart() {
-  if (state.crowd && crowds.some(crowd => crowd.name === state.crowd)) return;
-  if (state.crowd && crowds.length === 0 && view.header) return;
-  const wanted = crowds.find(crowd => crowd.name === (wantsLink.crowd || state.crowd));
-  if (wanted) {
-    openCrowd(wanted.name);
+  const wanted = crowds.find(crowd => crowd.name === wantsLink.crowd);
+  if (wanted || crowds.length === 1 && !wantsLink.crowd) {
+    openCrowd((wanted ?? crowds[0]).name);
     return;
   }
-  if (crowds.length === 1 && !wantsLink.crowd && !state.crowd) {
-    openCrowd(crowds[0].name);
-    return;
-  }
-  if (state.crowd) return;
   byId('start').hidden = false;
   byId('token-form').hidden = true;
   showCrowds(byId('start-list'), crowds, '', openCrowd);
@@ -301,6 +313,7 @@ function showChannels() {
 // ---- display
 
 function showDisplay() {
+  showChannels();
   byId('channel').value = state.channel;
   byId('range').hidden = !state.channel;
   byId('low').value = formatNumber(state.low);
@@ -547,8 +560,7 @@ window.addEventListener('hashchange', () => {
 connection.onState = async stateNow => {
   const isLost = stateNow === 'lost';
   document.body.dataset.connection = stateNow;
-  byId('banner').hidden = !isLost;
-  byId('banner-text').textContent = 'The server does not answer. Trying again…';
+  showBanner(isLost ? 'The server does not answer. Trying again…' : '');
   if (stateNow === 'refused') {
     byId('start').hidden = false;
     byId('start-text').textContent = connection.token ? 'That token is not known here.' : 'This server asks for a token.';
@@ -558,8 +570,8 @@ connection.onState = async stateNow => {
   if (stateNow !== 'open') return;
   try {
     server = (await connection.ask({getServerInfo: {}})).getServerInfo;
+    needsView = true;
     await refreshCrowds();
-    if (state.crowd) askAll();
   } catch (error) {
     if (connection.state === 'open') toast(String(/** @type {Error} */ (error).message), true);
   }
@@ -567,10 +579,7 @@ connection.onState = async stateNow => {
 
 connection.onError = error => {
   if (error.code === 'NOT_FOUND') {
-    const gone = state.crowd;
-    state.crowd = '';
-    view.clear();
-    toast(`The crowd '${gone}' is gone`, true);
+    needsView = true;
     refreshCrowds().catch(() => {});
     return;
   }
@@ -705,4 +714,6 @@ setInterval(() => {
 setInterval(() => { if (state.crowd && connection.state === 'open' && !pending) ask({}); }, STAMP_EVERY_MS);
 setInterval(() => { refreshCrowds().catch(() => {}); }, 2500);
 
+// For measurements from outside.
+/** @type {any} */ (window).throngView = view;
 connection.open();

@@ -49,6 +49,7 @@ export class View {
     /** @type {number[]} */
     this.latencies = [];  // of the last frames, ms
     this.lastStamp = 0;
+    this.shown = 0;
     this.redrawAsked = false;
   }
 
@@ -77,31 +78,31 @@ export class View {
     const {header, image} = this.next;
     this.next = null;
     try {
+      if (!this.accepts(header)) return;
       if (image && image.length) {
         const blob = new Blob([/** @type {BlobPart} */ (image)], {type: 'image/jpeg'});
         const bitmap = await createImageBitmap(blob);
         this.bitmap?.close();
         this.bitmap = bitmap;
       }
-      if (this.accepts(header)) {
-        this.header = header;
-        this.draw();
-        this.measure(header);
-        this.onShown(header);
-      }
+      this.header = header;
+      this.draw();
+      this.measure(header);
+      this.onShown(header);
     } catch (error) {
       console.warn('a picture that cannot be decoded was left out', error);
     } finally {
       this.isDecoding = false;
       this.acknowledge(header.frameIndex);
+      if (this.next) this.decode();
     }
-    if (this.next) this.decode();
   }
 
   /** @param {FrameHeader} header */
   measure(header) {
     const now = performance.now();
     this.shownRate.count(now);
+    this.shown++;
     const stamp = Number(header.stamp ?? 0);
     if (stamp > this.lastStamp) {
       this.lastStamp = stamp;

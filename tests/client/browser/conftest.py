@@ -22,9 +22,10 @@ BIN = pathlib.Path(os.environ.get("THRONG_BIN", BUILD / "bin"))
 class Server:
     """throng-server, with the page that was compiled in."""
 
-    def __init__(self, *arguments, listen="127.0.0.1:0", http="127.0.0.1:0"):
+    def __init__(self, *arguments, listen="127.0.0.1:0", http="127.0.0.1:0", budget=40_000):
         self.process = subprocess.Popen(
-            [str(BIN / "throng-server"), "--listen", listen, "--http", http, "--vertex-budget", "40000", *arguments],
+            [str(BIN / "throng-server"), "--listen", listen, "--http", http,
+             *(["--vertex-budget", str(budget)] if budget else []), *arguments],
             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
         lines = []
         for line in self.process.stdout:
@@ -41,13 +42,13 @@ class Server:
         self.process.stdout.close()
 
 
-def walkers(path, count=30, seconds=20.0, rate=10.0):
+def walkers(path, count=30, seconds=20.0, rate=10.0, ring_m=0.25):
     """People on circles around the origin, with their speed as a channel."""
     rows = ["time,id,x,y,speed"]
     for step in range(int(seconds * rate)):
         t = step / rate
         for i in range(count):
-            radius, turn = 2.0 + 0.25 * i, (0.3 + 0.01 * i) * (-1) ** i
+            radius, turn = 2.0 + ring_m * i, (0.3 + 0.01 * (i % 30)) * (-1) ** i
             angle = i * 2.4 + turn * t
             rows.append(f"{t:.2f},{i + 1},{radius * math.cos(angle):.3f},{radius * math.sin(angle):.3f},"
                         f"{abs(turn) * radius:.3f}")

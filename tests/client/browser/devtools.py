@@ -117,7 +117,7 @@ class Page:
             "ArrowRight": "ArrowRight", "ArrowUp": "ArrowUp", "ArrowDown": "ArrowDown", "Tab": "Tab", "Enter": "Enter"}
 
     def key_down(self, key):
-        text = {"text": key} if len(key) == 1 else {}
+        text = {"text": key} if len(key) == 1 else {"text": "\r", "windowsVirtualKeyCode": 13} if key == "Enter" else {}
         self.call("Input.dispatchKeyEvent", type="keyDown", key=key, code=self.KEYS.get(key, f"Key{key.upper()}"), **text)
 
     def key_up(self, key):
@@ -159,7 +159,10 @@ class Page:
         self.click(x, y)
 
     def close(self):
-        self.call("Page.close")
+        try:
+            self.call("Page.close")
+        except websocket.WebSocketConnectionClosedException:
+            pass  # it closed before it could say so
         self.socket.close()
 
 

@@ -1,0 +1,81 @@
+"""Several crowds, none, tokens, and a server that goes away."""
+
+import pytest
+from conftest import Producer, Server
+
+
+@pytest.fixture
+def own_server():
+    servers = []
+
+    def make(*arguments, **places):
+        servers.append(Server(*arguments, **places))
+        return servers[-1]
+
+    yield make
+    for server in servers:
+        if server.process.poll() is None:
+            server.stop()
+
+
+@pytest.fixture
+def tab(browser):
+    opened = browser.page()
+    yield opened
+    opened.close()
+
+
+def test_waits_for_a_crowd_then_lets_choose(tab, own_server, walk_file):
+    server = own_server()
+    tab.open(server.page)
+    tab.wait("document.getElementById('start-text').textContent.includes('No crowd yet')")
+    # Both at once, so that there is a choice.
+    producers = [Producer(server, walk_file, name) for name in ("hall", "square")]
+    tab.wait("document.body.dataset.frame || document.querySelectorAll('#start-list .crowd').length === 2")
+    if tab.evaluate("!document.body.dataset.frame"):
+        tab.click_on("#start-list [data-crowd=square]")
+        tab.wait("document.getElementById('crowd-name').textContent === 'square'")
+    else:  # the first was there alone for a moment
+        tab.click_on("#crowd-button")
+        tab.wait("document.querySelector('#crowd-list [data-crowd=square]')")
+        tab.click_on("#crowd-list [data-crowd=square]")
+    tab.wait("document.getElementById('crowd-name').textContent === 'square' && document.body.dataset.frame")
+    assert tab.evaluate("document.getElementById('start').hidden")
+    for producer in producers:
+        producer.stop()
+    assert tab.errors == []
+
+
+def test_comes_back_by_itself_after_a_restart(tab, own_server, walk_file):
+    server = own_server()
+    producer = Producer(server, walk_file, "hall")
+    tab.open(server.page)
+    tab.wait("document.body.dataset.frame")
+    tab.drag(640, 400, 700, 420)
+    tab.wait("location.hash.includes('cam=')")
+    link = tab.evaluate("location.hash")
+    http = server.page.removeprefix("http://").rstrip("/")
+    producer.stop()
+    server.stop()
+    tab.wait("!document.getElementById('banner').hidden")
+    again = own_server(http=http)
+    producer = Producer(again, walk_file, "hall")
+    tab.wait("document.getElementById('banner').hidden")
+    tab.evaluate("delete document.body.dataset.frame")
+    tab.wait("document.body.dataset.frame")
+    assert tab.evaluate("location.hash") == link, "the view is the same"
+    producer.stop()
+    # That the server did not answer is all there is to tell.
+    assert [error for error in tab.errors if "WebSocket" not in error] == []
+
+
+def test_asks_for_a_token(tab, own_server, walk_file, tmp_path):
+    (tmp_path / "tokens").write_text("0123456789abcdef\n")
+    server = own_server("--token-file", str(tmp_path / "tokens"))
+    tab.open(server.page)
+    tab.wait("!document.getElementById('token-form').hidden")
+    for token, words in (("not the right one", "not known"), ("0123456789abcdef", "No crowd yet")):
+        tab.evaluate(f"document.getElementById('token').value = '{token}'")
+        tab.click_on("#token-form button")
+        tab.wait(f"document.getElementById('start-text').textContent.includes('{words}')")
+    assert tab.errors == []
