@@ -47,7 +47,7 @@ def main():
     if devtools.find_chromium() is None:
         sys.exit("browser_bench: no chromium (Debian package chromium)")
     with tempfile.TemporaryDirectory() as folder:
-        walk = walkers(pathlib.Path(folder) / "walk.csv", options.agents, 30.0, 10.0, ring_m=0.02)
+        walk = walkers(pathlib.Path(folder) / "walk.csv", options.agents, 20.0, 5.0, ring_m=0.02)
         server = Server(budget=None)
         producer = Producer(server, walk, "bench")
         browser = devtools.Browser()
