@@ -74,6 +74,12 @@ void add_limits(CLI::App& app, ServerOptions& options) {
   add("--max-agents", limits.max_agents_per_crowd, "Agents of a crowd", 1, 16'777'216);
   add("--max-channels", limits.max_channels, "Channels of a crowd", 0);
   add("--max-history-bytes", limits.max_history_bytes_per_crowd, "History of a crowd", 1, 1e15);
+  app.add_option_function<std::uint64_t>(
+         "--history-mib",
+         [&limits](std::uint64_t mib) { limits.max_history_bytes_per_crowd = mib << 20; },
+         "The same in MiB: how far back viewers can go")
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 30))
+      ->group(kGroup);
   add("--max-width", limits.max_width_px, "Width of a view, pixels", 16, 16'384);
   add("--max-height", limits.max_height_px, "Height of a view, pixels", 16, 16'384);
   add("--max-frames-in-flight", limits.max_frames_in_flight,

@@ -11,12 +11,18 @@
 #include "render/compute/element/instance.hpp"
 #include "render/crowd/derive.hpp"
 #include "render/crowd/gait_of.hpp"
+#include "render/crowd/packed.hpp"
 
 namespace throng::render {
 namespace {
 
 constexpr float kFarthestM = 1e7F;
 constexpr std::int64_t kLatestUs = std::int64_t{1} << 53;  // 285 years; differences can't overflow
+// Snapshots are packed a few megabytes at a time, so that no push waits long for it.
+constexpr std::size_t kLeastRawBytes = 1U << 20;
+constexpr std::size_t kPackBytes = 4U << 20;
+constexpr std::size_t kMostPacked = 32;
+constexpr std::size_t kMostUnpacked = 4;
 constexpr std::size_t kMostAgents = 1U << 24;
 
 // Velocity is averaged over about this long, so that the noise of a dense recording turns nobody;
@@ -46,6 +52,12 @@ std::size_t size_bytes(const Snapshot& snapshot) {
 std::size_t size_bytes(const Roster& roster) {
   return sizeof(Roster) + roster.id.size() * (sizeof(std::uint64_t) + sizeof(std::uint16_t) +
                                               sizeof(float) + sizeof(std::uint32_t));
+}
+
+/// Of a snapshot's roster, when the next one has another.
+std::size_t roster_bytes(const std::shared_ptr<const Snapshot>& snapshot,
+                         const std::shared_ptr<const Snapshot>& next) {
+  return next->roster != snapshot->roster ? size_bytes(*snapshot->roster) : 0;
 }
 
 absl::Status wrong_length(const char* column, std::size_t length, std::size_t agents) {
@@ -267,6 +279,8 @@ std::shared_ptr<const Snapshot> Crowd::Derive::snapshot(Crowd& crowd, const Agen
 Crowd::Crowd(std::shared_ptr<const Cast> cast, CrowdSettings settings)
     : cast_(std::move(cast)), settings_(std::move(settings)) {}
 
+Crowd::~Crowd() = default;
+
 absl::Status Crowd::push(AgentFrame frame) {
   const std::lock_guard push_lock(push_mutex_);
   if (absl::Status status = Derive::check(*this, frame); !status.ok()) return status;
@@ -297,14 +311,27 @@ absl::Status Crowd::push(AgentFrame frame) {
 
   // what falls out of the history is freed after the lock
   std::vector<std::shared_ptr<const Snapshot>> forgotten;
+  std::vector<std::shared_ptr<const PackedSnapshots>> forgotten_packed;
+  {
+    const std::lock_guard lock(mutex_);
+    history_.push_back(std::move(snapshot));
+    history_bytes_ += added_bytes;
+    raw_bytes_ += added_bytes;
+    ++counters_.frames;
+  }
+  pack_oldest();
   const std::lock_guard lock(mutex_);
-  history_.push_back(std::move(snapshot));
-  history_bytes_ += added_bytes;
-  ++counters_.frames;
+  while (history_bytes_ > settings_.history_limit_bytes && !packed_.empty()) {
+    history_bytes_ -= packed_.front()->size_bytes();
+    counters_.forgotten_frames += packed_.front()->count;
+    forgotten_packed.push_back(std::move(packed_.front()));
+    packed_.pop_front();
+  }
   while (history_bytes_ > settings_.history_limit_bytes && history_.size() > 2) {
     const std::shared_ptr<const Snapshot>& oldest = history_[0];
-    history_bytes_ -= size_bytes(*oldest);
-    if (history_[1]->roster != oldest->roster) history_bytes_ -= size_bytes(*oldest->roster);
+    const std::size_t bytes = size_bytes(*oldest) + roster_bytes(oldest, history_[1]);
+    history_bytes_ -= bytes;
+    raw_bytes_ -= bytes;
     forgotten.push_back(std::move(history_.front()));
     history_.pop_front();
     ++counters_.forgotten_frames;
@@ -312,7 +339,74 @@ absl::Status Crowd::push(AgentFrame frame) {
   return absl::OkStatus();
 }
 
+/// Packs the oldest snapshots when those that are not packed have outgrown their share. Runs under
+/// push_mutex_, so history_ only changes here; viewers look on meanwhile.
+void Crowd::pack_oldest() {
+  const std::size_t share = std::max(settings_.history_limit_bytes / 4, kLeastRawBytes);
+  if (raw_bytes_ <= share) return;
+  Snapshots oldest;
+  std::size_t bytes = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    // Two stay, to interpolate between.
+    while (oldest.size() < kMostPacked && oldest.size() + 2 < history_.size() &&
+           (oldest.empty() || bytes < kPackBytes)) {
+      oldest.push_back(history_[oldest.size()]);
+      bytes += size_bytes(*oldest.back()) + roster_bytes(oldest.back(), history_[oldest.size()]);
+    }
+  }
+  // A few large frames wait for others, for the differences between them are what is small.
+  if (oldest.size() < 2) return;
+  auto packed = std::make_shared<const PackedSnapshots>(pack(oldest));
+  const std::lock_guard lock(mutex_);
+  history_.erase(history_.begin(), history_.begin() + static_cast<std::ptrdiff_t>(oldest.size()));
+  raw_bytes_ -= bytes;
+  history_bytes_ = history_bytes_ - bytes + packed->size_bytes();
+  packed_.push_back(std::move(packed));
+}
+
+std::shared_ptr<const Crowd::Snapshots> Crowd::unpacked(
+    const std::shared_ptr<const PackedSnapshots>& packed) const {
+  // Two viewers of one moment wait for one unpacking.
+  const std::lock_guard lock(unpacked_mutex_);
+  for (auto entry = unpacked_.begin(); entry != unpacked_.end(); ++entry) {
+    if (entry->first != packed) continue;
+    std::rotate(unpacked_.begin(), entry, std::next(entry));
+    return unpacked_.front().second;
+  }
+  auto snapshots = std::make_shared<const Snapshots>(unpack(*packed));
+  unpacked_.emplace_front(packed, snapshots);
+  if (unpacked_.size() > kMostUnpacked) unpacked_.pop_back();
+  return snapshots;
+}
+
 Bracket Crowd::bracket(std::int64_t time_us) const {
+  std::shared_ptr<const PackedSnapshots> around, next;
+  std::shared_ptr<const Snapshot> next_raw;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!packed_.empty() && !history_.empty() && time_us < history_.front()->time_us) {
+      auto after = std::upper_bound(
+          packed_.begin(), packed_.end(), time_us,
+          [](std::int64_t time, const auto& packed) { return time < packed->first_time_us; });
+      if (after != packed_.begin()) --after;
+      around = *after++;
+      if (after != packed_.end()) next = *after;
+      if (next == nullptr) next_raw = history_.front();
+    }
+  }
+  if (around != nullptr) {
+    const std::shared_ptr<const Snapshots> snapshots = unpacked(around);
+    const auto after =
+        std::upper_bound(snapshots->begin(), snapshots->end(), time_us,
+                         [](std::int64_t time, const std::shared_ptr<const Snapshot>& s) {
+                           return time < s->time_us;
+                         });
+    if (after == snapshots->begin()) return {snapshots->front(), snapshots->front()};
+    if (after != snapshots->end()) return {*(after - 1), *after};
+    return {snapshots->back(), next != nullptr ? unpacked(next)->front() : next_raw};
+  }
+
   const std::lock_guard lock(mutex_);
   if (history_.empty()) return {};
   const auto after =
@@ -332,6 +426,7 @@ std::shared_ptr<const Snapshot> Crowd::newest() const {
 
 std::int64_t Crowd::oldest_time_us() const {
   const std::lock_guard lock(mutex_);
+  if (!packed_.empty()) return packed_.front()->first_time_us;
   return history_.empty() ? 0 : history_.front()->time_us;
 }
 
@@ -355,7 +450,8 @@ void Crowd::reset() {
   const std::lock_guard push_lock(push_mutex_);
   const std::lock_guard lock(mutex_);
   forgotten.swap(history_);
-  history_bytes_ = 0;
+  packed_.clear();
+  history_bytes_ = raw_bytes_ = 0;
   environment_.reset();
   membership_.reset();
   slot_of_column_.clear();

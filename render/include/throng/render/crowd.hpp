@@ -11,6 +11,7 @@
 #include <mutex>
 #include <string>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "throng/render/asset.hpp"
@@ -79,11 +80,17 @@ struct CrowdCounters {
   std::uint64_t frames = 0, late_frames = 0, duplicate_frames = 0, forgotten_frames = 0;
 };
 
+struct PackedSnapshots;
+
 /// The history of one named crowd. Thread safe: one producer pushes, many viewers look.
+///
+/// The newest quarter of it (at least 1 MiB) is kept as it came; older snapshots are packed to
+/// about a fifth (see render/crowd/packed.hpp for what they lose) and unpacked when looked at.
 class Crowd {
  public:
   /// `cast` gives strides and weights; it must outlive the crowd.
   Crowd(std::shared_ptr<const Cast> cast, CrowdSettings settings);
+  ~Crowd();
 
   /// Adds a frame. A frame not newer than the newest is counted (late, duplicate) and dropped: OK.
   /// InvalidArgument names the column, the row, the value and the limit: wrong length, a position
@@ -112,6 +119,10 @@ class Crowd {
 
  private:
   struct Derive;
+  using Snapshots = std::vector<std::shared_ptr<const Snapshot>>;
+  void pack_oldest();
+  std::shared_ptr<const Snapshots> unpacked(
+      const std::shared_ptr<const PackedSnapshots>& packed) const;
   std::shared_ptr<const Cast> cast_;
   CrowdSettings settings_;
   // columns are derived under push_mutex_ alone, so that viewers don't wait for a push
@@ -119,6 +130,13 @@ class Crowd {
   mutable std::mutex mutex_;  // guards history_, history_bytes_, counters_ and environment_
   std::shared_ptr<const Environment> environment_;
   std::deque<std::shared_ptr<const Snapshot>> history_;
+  std::deque<std::shared_ptr<const PackedSnapshots>> packed_;  // older than history_
+  std::size_t raw_bytes_ = 0;  // of history_bytes_, those of history_
+  // what was looked at last in packed_, newest first
+  mutable std::mutex unpacked_mutex_;
+  mutable std::deque<
+      std::pair<std::shared_ptr<const PackedSnapshots>, std::shared_ptr<const Snapshots>>>
+      unpacked_;
   std::size_t history_bytes_ = 0;
   CrowdCounters counters_;
   std::shared_ptr<const Membership> membership_;
