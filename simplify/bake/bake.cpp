@@ -97,6 +97,11 @@ absl::StatusOr<BakeResult> bake(const SourceCharacter& original, const BakeOptio
   const PoseSet poses = is_peng && !options.bind_pose_only
                             ? all_poses(*surface, clips->palette, joints)
                             : sample_poses(*surface, clips->palette, joints, max_poses);
+  const std::size_t frames = clips->palette.size() / joints;
+  if (is_peng && poses.count - 1 < frames) {
+    result.notes.push_back(absl::StrCat("cost averaged over ", poses.count - 1, " of ", frames,
+                                        " frames, evenly spaced: all would need over 1 GiB"));
+  }
   CollapseOptions collapse_options;
   collapse_options.criterion = options.criterion;
   collapse_options.coarsest_count = options.coarsest_count;

@@ -10,7 +10,7 @@ namespace throng::simplify {
 namespace {
 
 // What the cost of a collapse (m^4 over the size squared) counts beside the pictures.
-constexpr float kGeometry = 3.0F;
+constexpr float kGeometry = 1.0F;
 constexpr float kWorstPose = 0.35F;
 // Points of other pieces within this share of the size may merge; so many of them for each point.
 constexpr float kNearPiece = 0.08F;
@@ -44,10 +44,15 @@ class Contraction {
         piece_(mesh.surface().points.size(), kNoIndex),
         is_dirty_(mesh.surface().points.size(), true) {}
 
-  void run(std::uint32_t coarsest_count) {
+  void run(std::uint32_t coarsest_count, const std::function<void(float)>& on_progress) {
     look();
     find_pairs();
-    while (mesh_.alive_wedges() > coarsest_count && step()) look();
+    const auto first = static_cast<float>(mesh_.alive_wedges() - coarsest_count);
+    for (int steps = 1; mesh_.alive_wedges() > coarsest_count && step(); ++steps) {
+      look();
+      if (on_progress && steps % 16 == 0 && mesh_.alive_wedges() > coarsest_count)
+        on_progress(1.0F - static_cast<float>(mesh_.alive_wedges() - coarsest_count) / first);
+    }
   }
 
  private:
@@ -330,8 +335,9 @@ class Contraction {
 }  // namespace
 
 void contract(std::uint32_t coarsest_count, float size_m, PoseCost& poses,
-              const AttributeCost& attributes, Views& views, float& error_m, WedgeMesh& mesh) {
-  Contraction(size_m, poses, attributes, views, error_m, mesh).run(coarsest_count);
+              const AttributeCost& attributes, Views& views, float& error_m, WedgeMesh& mesh,
+              const std::function<void(float)>& on_progress) {
+  Contraction(size_m, poses, attributes, views, error_m, mesh).run(coarsest_count, on_progress);
 }
 
 }  // namespace throng::simplify

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 
 #include "simplify/collapse/attribute_cost.hpp"
 #include "simplify/collapse/pose_cost.hpp"
@@ -14,8 +15,10 @@ namespace throng::simplify {
 /// near each other (Garland & Heckbert 1997, section 3.1), so that separate pieces grow together.
 /// What remains need not be a manifold. The pair that costs the pictures least goes first, pieces
 /// may vanish as a whole; both are steps of the record.
-/// @param error_m  of the last step; never falls
+/// @param error_m      of the last step; never falls
+/// @param on_progress  0 to 1; may be empty
 void contract(std::uint32_t coarsest_count, float size_m, PoseCost& poses,
-              const AttributeCost& attributes, Views& views, float& error_m, WedgeMesh& mesh);
+              const AttributeCost& attributes, Views& views, float& error_m, WedgeMesh& mesh,
+              const std::function<void(float)>& on_progress);
 
 }  // namespace throng::simplify

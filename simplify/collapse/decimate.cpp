@@ -21,6 +21,7 @@
 
 #include "simplify/collapse/attribute_cost.hpp"
 #include "simplify/collapse/contract.hpp"
+#include "simplify/collapse/mirror.hpp"
 #include "simplify/collapse/pose_cost.hpp"
 #include "simplify/collapse/views.hpp"
 
@@ -48,6 +49,7 @@ constexpr Phase kPhases[] = {
 // Vertices at which the pictures take over, and at least this share of a small character.
 constexpr std::uint32_t kContractCount = 512;
 constexpr float kContractShare = 0.5F;
+constexpr float kFineShare = 0.5F;  // of the time, for the progress shown
 constexpr std::size_t kPhaseCount = std::size(kPhases);
 
 /// What a budget buys is vertices, so a step may cost more if more of them go with it. By the
@@ -86,6 +88,7 @@ struct State {
   AttributeCost attributes;
   std::vector<Piece> pieces;
   std::vector<std::uint32_t> piece_of;  // [P]
+  std::vector<std::uint32_t> mirror;    // [P] or empty
   std::vector<bool> is_fixed;           // [P] Peng et al.'s fixed vertices
   std::size_t phase = 0;
   float last_cost = 0.0F;
@@ -175,13 +178,27 @@ class WedgeModule : public OpenMesh::Decimater::ModBaseT<HalfEdgeMesh> {
     return false;
   }
 
+  /// Left and right share what their moves cost, so that a limb that swings more in the clips, or
+  /// holds something, is not kept at the expense of the other; where the other side has moved
+  /// already, that was free.
+  float place_cost(std::uint32_t a, std::uint32_t b) const {
+    const auto own_cost = [&](std::uint32_t from, std::uint32_t to) {
+      return total(state_->poses.move_cost(from, to)) + state_->poses.extent_cost(from, to, false);
+    };
+    const float own = own_cost(a, b);
+    if (state_->mirror.empty()) return own;
+    const std::uint32_t c = state_->mirror[a], d = state_->mirror[b];
+    if (c == kNoIndex || d == kNoIndex || c == a || c == d || d == b) return own;
+    const bool is_alive = state_->mesh.alive_wedges(c) > 0;
+    return 0.5F * (own + (is_alive ? own_cost(c, d) : 0.0F));
+  }
+
   float throng_cost(const CollapseInfo& info) {
     const std::uint32_t a = index(info.v0), b = index(info.v1);
     const Phase& phase = kPhases[state_->phase];
-    const PoseCost::Cost position = state_->poses.move_cost(a, b);
     const float share = vertex_share(state_->mesh.alive_wedges(a));
-    float cost = share * (total(position) + state_->poses.extent_cost(a, b, false) +
-                          state_->poses.area_m2(a) * state_->attributes.joint_cost(a, b));
+    float cost =
+        share * (place_cost(a, b) + state_->poses.area_m2(a) * state_->attributes.joint_cost(a, b));
     if (cost >= best_) return Base::ILLEGAL_COLLAPSE;
     look_around(info);
     for (const std::uint32_t triangle : around_) {
@@ -255,8 +272,8 @@ class Watcher : public OpenMesh::Decimater::Observer {
   void notify(std::size_t) override {
     ++run_steps_;
     if (state_.options.on_progress && state_.mesh.steps().size() % 256 == 0) {
-      state_.options.on_progress(1.0F - static_cast<float>(state_.mesh.alive_wedges()) /
-                                            static_cast<float>(first_));
+      const auto left = static_cast<float>(state_.mesh.alive_wedges());
+      state_.options.on_progress(kFineShare * (1.0F - left / static_cast<float>(first_)));
     }
   }
 
@@ -426,6 +443,7 @@ absl::Status decimate(const PoseSet& poses, const CollapseOptions& options, Wedg
   State state(poses, options, mesh, size_m,
               is_peng ? std::vector<float>() : views->visibility(mesh));
   find_pieces(mesh, state);
+  if (!is_peng) state.mirror = find_mirror(mesh.surface(), size_m);
   if (is_peng) {
     state.is_fixed.resize(mesh.surface().points.size());
     for (std::uint32_t p = 0; p < state.is_fixed.size(); ++p) {
@@ -466,7 +484,10 @@ absl::Status decimate(const PoseSet& poses, const CollapseOptions& options, Wedg
   }
   if (!is_peng && mesh.alive_wedges() > options.coarsest_count) {
     contract(options.coarsest_count, size_m, state.poses, state.attributes, *views, state.error_m,
-             mesh);
+             mesh, [&](float share) {
+               if (options.on_progress)
+                 options.on_progress(kFineShare + (1.0F - kFineShare) * share);
+             });
   }
   if (!is_peng && mesh.alive_wedges() > options.coarsest_count) {
     notes.push_back(absl::StrCat("coarsest level has ", mesh.alive_wedges(), " vertices, wanted ",

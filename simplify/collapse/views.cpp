@@ -124,7 +124,7 @@ Views::Views(const PoseSet& poses, const WedgeMesh& mesh, float size_m)
         picture.shade.push_back(0.45F + 0.55F * std::max(0.0F, facing));
       }
       picture.reference.assign(std::size_t{kSize_px} * kSize_px, kBackground);
-      draw(picture, drawn_, nullptr, {0, 0, kSize_px, kSize_px}, picture.reference);
+      draw(picture, drawn_, nullptr, {0, 0, kSize_px, kSize_px}, picture.reference, {});
       picture.now = picture.reference;
       picture.error.assign(picture.now.size(), 0.0F);
       pictures_.push_back(std::move(picture));
@@ -136,7 +136,7 @@ Views::Rect Views::box(const Picture& picture, const glm::uvec3& point) const {
   const glm::vec3 &a = picture.place[point.x], &b = picture.place[point.y],
                   &c = picture.place[point.z];
   const auto clamped = [](float value) {
-    return static_cast<int>(std::clamp(value, 0.0F, static_cast<float>(kSize_px)));
+    return static_cast<std::int16_t>(std::clamp(value, 0.0F, static_cast<float>(kSize_px)));
   };
   return {clamped(std::min({a.x, b.x, c.x}) - 1.0F), clamped(std::min({a.y, b.y, c.y}) - 1.0F),
           clamped(std::max({a.x, b.x, c.x}) + 2.0F), clamped(std::max({a.y, b.y, c.y}) + 2.0F)};
@@ -144,7 +144,7 @@ Views::Rect Views::box(const Picture& picture, const glm::uvec3& point) const {
 
 void Views::draw(const Picture& picture, std::span<const Drawn> triangles,
                  const std::vector<bool>* removed, const Rect& rect,
-                 std::vector<std::uint32_t>& image) const {
+                 std::vector<std::uint32_t>& image, std::span<const Rect> boxes) const {
   for (int y = rect.y0; y < rect.y1; ++y) {
     std::fill_n(near_.begin() + y * kSize_px + rect.x0, rect.x1 - rect.x0, -1.0e30F);
     std::fill_n(image.begin() + y * kSize_px + rect.x0, rect.x1 - rect.x0, kBackground);
@@ -155,6 +155,11 @@ void Views::draw(const Picture& picture, std::span<const Drawn> triangles,
   };
   for (std::size_t t = 0; t < triangles.size(); ++t) {
     if (removed != nullptr && (*removed)[t]) continue;
+    if (!boxes.empty()) {
+      const Rect& each = boxes[t];
+      if (each.x0 >= rect.x1 || each.x1 <= rect.x0 || each.y0 >= rect.y1 || each.y1 <= rect.y0)
+        continue;
+    }
     const Drawn& drawn = triangles[t];
     const glm::vec3 &a = picture.place[drawn.point.x], &b = picture.place[drawn.point.y],
                     &c = picture.place[drawn.point.z];
@@ -231,7 +236,9 @@ std::vector<float> Views::visibility(const WedgeMesh& mesh) const {
 void Views::set(std::span<const Drawn> triangles) {
   drawn_.assign(triangles.begin(), triangles.end());
   for (Picture& picture : pictures_) {
-    draw(picture, drawn_, nullptr, {0, 0, kSize_px, kSize_px}, picture.now);
+    draw(picture, drawn_, nullptr, {0, 0, kSize_px, kSize_px}, picture.now, {});
+    picture.boxes.clear();
+    for (const Drawn& each : drawn_) picture.boxes.push_back(box(picture, each.point));
     for (std::size_t i = 0; i < picture.now.size(); ++i)
       picture.error[i] = difference(picture.now[i], picture.reference[i]);
   }
@@ -252,7 +259,8 @@ float Views::change(std::span<const Drawn> triangles, std::span<const std::uint3
       }
     }
     if (rect.x0 >= rect.x1 || rect.y0 >= rect.y1) continue;
-    draw(picture, triangles, &removed, rect, image_);
+    // what changes lies inside, wherever its box was
+    draw(picture, triangles, &removed, rect, image_, picture.boxes);
     float error = 0.0F;
     for (int y = rect.y0; y < rect.y1; ++y) {
       for (int x = rect.x0; x < rect.x1; ++x) {

@@ -42,19 +42,20 @@ class Views {
 
  private:
   struct Rect {
-    int x0, y0, x1, y1;  // pixels, x1 and y1 excluded
+    std::int16_t x0, y0, x1, y1;  // pixels, x1 and y1 excluded
   };
   struct Picture {
     std::vector<glm::vec3> place;               // [P] pixels right and down, and nearness
     std::vector<float> shade;                   // [C]
     std::vector<std::uint32_t> reference, now;  // r g b a of what is seen
     std::vector<float> error;                   // of `now`
+    std::vector<Rect> boxes;                    // [drawn_]
   };
 
   Rect box(const Picture& picture, const glm::uvec3& point) const;
   void draw(const Picture& picture, std::span<const Drawn> triangles,
-            const std::vector<bool>* removed, const Rect& rect,
-            std::vector<std::uint32_t>& image) const;
+            const std::vector<bool>* removed, const Rect& rect, std::vector<std::uint32_t>& image,
+            std::span<const Rect> boxes) const;
 
   const Surface& surface_;
   float pixel_m_ = 1.0F;

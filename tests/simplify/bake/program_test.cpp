@@ -87,7 +87,8 @@ TEST_F(ProgramTest, UnwritableIsFive) {
 TEST_F(ProgramTest, InspectsAndExports) {
   const std::string path = folder_ + "/tiny.throng";
   ASSERT_TRUE(
-      render::write_character(*render::make_character(throng::test::make_tiny_character()), path).ok());
+      render::write_character(*render::make_character(throng::test::make_tiny_character()), path)
+          .ok());
   EXPECT_THAT(throng_bake("inspect " + path).output, HasSubstr("64 triangles"));
   EXPECT_THAT(throng_bake("inspect --json " + path).output, HasSubstr("\"triangles\": 64"));
   EXPECT_EQ(throng_bake("export " + path + " --vertices 20 -o " + folder_ + "/lod.obj").code, 0);
@@ -98,7 +99,8 @@ TEST_F(ProgramTest, InspectsAndExports) {
 TEST_F(ProgramTest, DamagedFileIsThree) {
   const std::string path = folder_ + "/tiny.throng";
   ASSERT_TRUE(
-      render::write_character(*render::make_character(throng::test::make_tiny_character()), path).ok());
+      render::write_character(*render::make_character(throng::test::make_tiny_character()), path)
+          .ok());
   std::filesystem::resize_file(path, 1000);
   const ProgramRun run = throng_bake("inspect " + path);
   EXPECT_EQ(run.code, 3);

@@ -154,6 +154,34 @@ void append(SourceCharacter& source, const SourceCharacter& other, float scale,
   }
 }
 
+TEST(CollapseTest, LimbThatMovesMoreIsNotKeptAtTheExpenseOfTheOther) {
+  test::TubeOptions options;
+  options.rings = 41;
+  options.has_elbow = true;
+  SourceCharacter source = test::make_tube(options);
+  SourceCharacter right = test::make_tube(options);
+  for (SourcePoint& point : right.points) {  // mirrored; stands still
+    point.position.y = -point.position.y;
+    point.joint = glm::u16vec4(0);
+    point.weight = {1, 0, 0, 0};
+  }
+  for (glm::vec3& normal : right.normals) normal.y = -normal.y;
+  for (SourceTriangle& triangle : right.triangles)
+    std::swap(triangle.corner[1], triangle.corner[2]);
+  for (SourcePoint& point : source.points) point.position.y += 0.4F;
+  append(source, right, 1.0F, {0.0F, -0.4F, 0.0F});
+  const render::Character character = baked(source);
+  for (const float share : {0.7F, 0.5F, 0.3F, 0.15F, 0.08F}) {
+    const auto wanted =
+        static_cast<std::uint32_t>(share * static_cast<float>(character.vertex_count()));
+    const std::uint32_t n = character.legal_count[wanted];
+    int left = 0;
+    for (std::uint32_t i = 0; i < n; ++i) left += character.position[i].y > 0.0F ? 1 : 0;
+    EXPECT_GT(left, static_cast<int>(0.38F * static_cast<float>(n))) << "at " << n;
+    EXPECT_LT(left, static_cast<int>(0.62F * static_cast<float>(n))) << "at " << n;
+  }
+}
+
 TEST(CollapseTest, PiecesThatOverlapGrowTogetherWithoutAGap) {
   test::TubeOptions options;
   options.height_m = 0.7F;
