@@ -123,9 +123,8 @@ absl::Status pick_agent(Services& services, const v1::PickAgentRequest& request,
   const render::Camera camera = view.camera.value_or(
       render::overview_camera(moment.overview.low, moment.overview.high, view.viewport));
   const auto agent =
-      request.id() != 0
-          ? find_agent(agents, request.id())
-          : pick_agent(agents, camera, view.viewport, request.x_px(), request.y_px());
+      request.id() != 0 ? find_agent(agents, request.id())
+                        : pick_agent(agents, camera, view.viewport, request.x_px(), request.y_px());
   if (agent.has_value()) fill_agent(*agent, agents, *view.crowd, *moment.crowd, response);
   return absl::OkStatus();
 }

@@ -36,8 +36,8 @@ void compact(const CullJob& job, std::size_t begin, std::size_t end, std::uint32
     const glm::vec4& sphere_m = job.sphere_m[slot];
     job.distance_m[next] =
         element::distance_of(element::relative_sphere(sphere_m, job.eye_offset_m));
-    job.visible[next] = element::make_visible(
-        job.state[slot], sphere_m.w, static_cast<std::uint32_t>(slot), job.eye_offset_m);
+    job.visible[next] = element::make_visible(job.state[slot], sphere_m.w,
+                                              static_cast<std::uint32_t>(slot), job.eye_offset_m);
     ++next;
   }
 }

@@ -4,11 +4,11 @@
 #include <epoxy/gl.h>
 
 #include <algorithm>
-#include <span>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <new>
+#include <span>
 #include <vector>
 
 #include "render/compute/cpu/work_pool.hpp"

@@ -28,8 +28,8 @@ using render::RasterKind;
 
 // What a case must keep to. Coverage in points (hundredths of the picture); differences of 8-bit
 // components, against gl with four samples a pixel. Where thousands of figures overlap, what a
-// pixel shows depends on where its samples lie: gl with one sample differs by up to 7.4 from gl with
-// four.
+// pixel shows depends on where its samples lie: gl with one sample differs by up to 7.4 from gl
+// with four.
 constexpr double kCoverageLimit = 0.05;
 constexpr double kMeanLimit = 8.0;
 

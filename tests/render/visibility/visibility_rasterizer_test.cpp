@@ -176,7 +176,8 @@ TEST(VisibilityRasterizerTest, OcclusionLeavesOutNobodyWhoIsSeen) {
     push_rows(crowd, 60, 60 + 10 * round, 0.15F + 0.05F * static_cast<float>(round % 4));
     const Bracket bracket = crowd.bracket(0);
     const auto snapshot = backend->upload(bracket.older).value();
-    const auto instances = backend->advance(*snapshot, *snapshot, 0, crowd.settings(), -1, {}).value();
+    const auto instances =
+        backend->advance(*snapshot, *snapshot, 0, crowd.settings(), -1, {}).value();
     const Camera camera{.eye_world = {0.3 * round, -3.0 - round, 1.2 + 0.2 * round},
                         .target_world = {0, 6, 0.9}};
     const Viewport viewport{320 + 17U * static_cast<std::uint32_t>(round), 180};
