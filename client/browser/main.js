@@ -513,14 +513,16 @@ function toggleRecording() {
   if (recorder.isOn) {
     recorder.stop();
   } else {
-    recorder.start(state.crowd, (name, bytes) => toast(`Saved ${name}, ${(bytes / 1e6).toFixed(1)} MB`));
+    recorder.start(state.crowd, (name, bytes) => toast(
+        bytes ? `Saved ${name}, ${(bytes / 1e6).toFixed(1)} MB` : 'Nothing recorded: no picture came in that time'));
   }
   byId('record').setAttribute('aria-pressed', String(recorder.isOn));
   showRecording();
 }
 
 function showRecording() {
-  byId('record-time').textContent = recorder.isOn ? formatTime((performance.now() - recorder.began) * 1000).slice(0, -2) : '';
+  const time = () => formatTime((performance.now() - recorder.began) * 1000).slice(0, -2);
+  byId('record-time').textContent = recorder.isOn ? `${time()} ${(recorder.bytes / 1e6).toFixed(1)} MB` : '';
 }
 
 /** @param {string} id */

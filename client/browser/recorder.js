@@ -33,6 +33,8 @@ export class Recorder {
     /** @type {MediaRecorder|null} */
     this.recorder = null;
     this.began = 0;
+    /** What the encoder has given so far. */
+    this.bytes = 0;
   }
 
   get isOn() {
@@ -46,7 +48,11 @@ export class Recorder {
     const recorder = new MediaRecorder(this.canvas.captureStream(30), {mimeType: type, videoBitsPerSecond: 8_000_000});
     /** @type {Blob[]} */
     const parts = [];
-    recorder.ondataavailable = event => parts.push(event.data);
+    this.bytes = 0;
+    recorder.ondataavailable = event => {
+      parts.push(event.data);
+      this.bytes += event.data.size;
+    };
     recorder.onstop = () => {
       const blob = new Blob(parts, {type: recorder.mimeType});
       const name = `${stem(crowd)}.${recorder.mimeType.includes('mp4') ? 'mp4' : 'webm'}`;
