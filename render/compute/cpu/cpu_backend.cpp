@@ -189,7 +189,10 @@ class CpuBackend final : public ComputeBackend {
             own->vertices.span(),
             own->indices.span(),
             own->shared.span(),
-            own->posed != nullptr ? own->posed->data() : nullptr};
+            own->posed != nullptr ? own->posed->data() : nullptr,
+            own->representation.span(),
+            own->jointed.span(),
+            {reinterpret_cast<const float*>(own->joints.data()), 16 * own->joints.size()}};
   }
 
   ComputeCounters counters(const ViewWork& view) const override {
@@ -204,6 +207,11 @@ class CpuBackend final : public ComputeBackend {
       --counters.visible;
     }
     if (own->stage < ViewStage::kSelected) return counters;
+    for (std::uint32_t i = 0; i < counters.visible; ++i) {
+      const Representation form =
+          own->representation.size() == 0 ? Representation::kMesh : own->representation[i];
+      ++counters.drawn_as[static_cast<std::size_t>(form)];
+    }
     counters.effective_budget = own->effective_budget;
     for (const VisibleInstance& instance : own->visible.span()) {
       counters.vertices += instance.vertex_count;

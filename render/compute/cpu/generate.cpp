@@ -65,7 +65,7 @@ absl::Status find_meshes(CpuView& view, Machine machine, PosedBank& bank,
     machine.pool.run((count + kChunk - 1) / kChunk, [&](std::size_t chunk, unsigned worker) {
       const std::size_t end = std::min(count, (chunk + 1) * kChunk);
       for (std::size_t v = chunk * kChunk; v < end; ++v) {
-        if (view.tier[v] == kOwnPose) continue;
+        if (view.tier[v] == kOwnPose || !view.is_mesh(v)) continue;
         const VisibleInstance& instance = view.visible[v];
         const CharacterTable& table = cast.characters[instance.character];
         view.mesh[v] = PosedBank::number_of(
@@ -158,6 +158,7 @@ absl::Status generate(CpuView& view, Machine machine, PosedBank& bank,
     own.corner.resize(cast.most_vertices);
   }
   if (absl::Status status = find_meshes(view, machine, bank, scratch); !status.ok()) return status;
+  make_joints(view, machine);
   const LevelTable& levels = cast.levels;
   machine.pool.run(chunks, [&](std::size_t chunk, unsigned worker) {
     element::JointMatrix* palette = scratch[worker].palette.data();
@@ -165,6 +166,11 @@ absl::Status generate(CpuView& view, Machine machine, PosedBank& bank,
     for (std::size_t v = first_instance(chunk); v < end; ++v) {
       const VisibleInstance& instance = view.visible[v];
       const CharacterTable& table = cast.characters[instance.character];
+      if (!view.is_mesh(v)) {
+        if (view.geometry == GeometryKind::kFused)
+          view.shared[v] = {SharedInstance::kOwn, 0, 0, 0, 0, 0};
+        continue;
+      }
       if (view.tier[v] != kOwnPose) {
         const PosedBank::Mesh& mesh = bank.mesh(view.mesh[v]);
         const element::Placement& placement = instances.state[instance.slot].placement;

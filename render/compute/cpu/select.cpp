@@ -29,6 +29,7 @@ class Dealer {
         const Character& character = character_of(instance);
         const std::uint32_t most = character.vertex_count();
         const std::uint32_t least = character.coarsest_count;
+        if (!view_.is_mesh(i)) continue;
         const std::uint32_t dealt = element::deal(rate, view_.share[i], least, most);
         sum.vertices += snapped(i, character, dealt);
         if (dealt != least && dealt != most) sum.free_shares += view_.share[i];
@@ -49,6 +50,10 @@ class Dealer {
     pool_.for_chunks(view_.visible.size(), kChunk, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
         VisibleInstance& instance = view_.visible[i];
+        if (!view_.is_mesh(i)) {
+          instance.vertex_count = instance.triangle_count = 0;
+          continue;
+        }
         const Character& character = character_of(instance);
         const std::uint32_t dealt =
             element::deal(rate, view_.share[i], character.coarsest_count, character.vertex_count());
@@ -136,6 +141,7 @@ void select(CpuView& view, const Selection& selection, Machine machine) {
   view.share.resize(count);
   view.geometry = selection.geometry;
   choose_tiers(view, selection.pose_mode, machine.pool);
+  choose_forms(view, selection, machine.pool);
   Dealer dealer(view, machine.pool);
 
   // equation 1's weights as integers, and the sums that bound the budget
@@ -147,6 +153,7 @@ void select(CpuView& view, const Selection& selection, Machine machine) {
     machine.kernels.share(view.projection, view.visible.data(), view.distance_m.data(),
                           view.share.data(), begin, end);
     for (std::size_t i = begin; i < end; ++i) {
+      if (!view.is_mesh(i)) continue;
       const Character& character = dealer.character_of(view.visible[i]);
       share_sum += view.share[i];
       least_sum += character.coarsest_count;
@@ -187,6 +194,7 @@ absl::Status allocate(CpuView& view) {
     view.vertex_offset[i] = static_cast<std::uint32_t>(vertices);
     view.triangle_offset[i] = static_cast<std::uint32_t>(triangles);
     if (view.geometry == GeometryKind::kFused && view.tier[i] != kOwnPose) continue;
+    if (!view.is_mesh(i)) continue;
     vertices += view.visible[i].vertex_count;
     triangles += view.visible[i].triangle_count;
   }

@@ -44,6 +44,10 @@ struct CpuView final : ViewWork {
   Buffer<SharedInstance> shared;    // [V] of fused geometry
   Buffer<std::uint32_t> mesh;       // [V] number in the bank
   std::shared_ptr<const PosedBank::Block> posed;
+  Buffer<Representation> representation;  // [V], empty: all are kMesh
+  Buffer<JointedInstance> jointed;        // [V] where representation is not empty
+  Buffer<element::JointMatrix> joints;
+  Buffer<std::uint32_t> shared_joints;    // [characters * kSharedPoses] first joint
   Buffer<std::uint32_t> vertex_offset;    // [V+1]
   Buffer<std::uint32_t> triangle_offset;  // [V+1]
   Buffer<BatchVertex> vertices;
@@ -54,11 +58,16 @@ struct CpuView final : ViewWork {
   std::uint32_t posed_meshes = 0;  // made for this frame
   std::uint64_t posed_bytes = 0;   // of the bank
 
+  bool is_mesh(std::size_t v) const {
+    return representation.size() == 0 || representation[v] == Representation::kMesh;
+  }
+
   std::uint64_t size_bytes() const {
     return mask.size_bytes() + visible.size_bytes() + distance_m.size_bytes() + share.size_bytes() +
            tier.size_bytes() + shared.size_bytes() + mesh.size_bytes() +
-           vertex_offset.size_bytes() + triangle_offset.size_bytes() + vertices.size_bytes() +
-           indices.size_bytes();
+           representation.size_bytes() + jointed.size_bytes() + joints.size_bytes() +
+           shared_joints.size_bytes() + vertex_offset.size_bytes() + triangle_offset.size_bytes() +
+           vertices.size_bytes() + indices.size_bytes();
   }
 };
 inline constexpr std::uint8_t kOwnPose = 0xff;
@@ -86,6 +95,12 @@ void advance(const Snapshot& older, const Snapshot& newer, std::int64_t scene_ti
 void cull(CpuView& view, const Camera& camera, const Viewport& viewport, Machine machine);
 
 void select(CpuView& view, const Selection& selection, Machine machine);
+
+/// What each visible agent is drawn as, once its pose's tier is chosen.
+void choose_forms(CpuView& view, const Selection& selection, WorkPool& pool);
+
+/// Joint matrices of all agents that are impostors or points.
+void make_joints(CpuView& view, Machine machine);
 
 /// ResourceExhausted when the batched buffer would need more than 2^32 - 1 vertices or indices.
 absl::Status allocate(CpuView& view);

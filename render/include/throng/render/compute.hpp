@@ -11,6 +11,7 @@
 #include "throng/render/asset.hpp"
 #include "throng/render/camera.hpp"
 #include "throng/render/crowd.hpp"
+#include "throng/render/representation.hpp"
 #include "throng/render/vertex.hpp"
 
 namespace throng::render {
@@ -64,6 +65,8 @@ struct Selection {
   LodRule rule = LodRule::kBudget;          // kBudget deals out again what full instances leave
   PoseMode pose_mode = PoseMode::kExact;
   GeometryKind geometry = GeometryKind::kBatched;
+  // what the agents are drawn as; the cuda backend makes kMesh of it so far
+  FormRule form = FormRule::kMesh;
 };
 
 /// A visible instance of fused geometry. 24 bytes.
@@ -85,6 +88,11 @@ static_assert(sizeof(SharedInstance) == 24);
 /// arrays as above; the others have no vertices there but those of a posed mesh: at `posed` its box
 /// (least and largest x y z, and 10 values unused), then columns of `stride` vertices: x, y, z in
 /// metres, model frame, and octahedral normals.
+///
+/// Where `representation` is given, an instance that is not kMesh has nothing in any of these; one
+/// that is kImpostor or kPoints has its joints instead: at `first_joint` a matrix for each joint of
+/// its character, T * B^-1 of equation 2 in the model frame (column c, row r at 16 joint + 4 c + r;
+/// agents that share a pose share them), which cosine_scale and sine_scale turn into world axes.
 struct FrameGeometry {
   std::span<const VisibleInstance> instances;      // [V]
   std::span<const std::uint32_t> vertex_offset;    // [V+1]
@@ -93,12 +101,16 @@ struct FrameGeometry {
   std::span<const std::uint32_t> indices;          // [3 * triangle_offset[V]], into vertices
   std::span<const SharedInstance> shared = {};     // [V], empty: batched
   const float* posed = nullptr;
+  std::span<const Representation> representation = {};  // [V], empty: all are kMesh
+  std::span<const JointedInstance> jointed = {};        // [V] where representation is not empty
+  std::span<const float> joints = {};
 };
 inline constexpr std::uint32_t kPosedHeader = 16;  // values before a posed mesh's columns
 
 /// Counters of the last frame of a view.
 struct ComputeCounters {
-  std::uint32_t agents = 0, visible = 0;  // without what stands around
+  std::uint32_t agents = 0, visible = 0;          // without what stands around
+  std::uint32_t drawn_as[kRepresentations] = {};  // visible agents by Representation
   std::uint64_t vertices = 0, triangles = 0;
   std::uint64_t effective_budget = 0;  // max(N, sum of n_min)
   std::uint32_t shared_poses = 0;      // agents that share theirs

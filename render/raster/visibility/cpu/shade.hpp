@@ -82,6 +82,23 @@ void shade_shared_items(const SceneFrame& scene, const SharedMeshes& meshes,
 void shade_flat_items(const SceneFrame& scene, const SharedMeshes& meshes,
                       const InstanceShade* shades, ShadeItems& items);
 
+/// Pieces of surface whose colour, normal and place are known already, as of impostors and points.
+struct SurfaceItems {
+  static constexpr std::size_t kMost = ShadeItems::kMost;
+  alignas(64) std::int32_t instance[kMost];  // visible list
+  alignas(64) std::uint32_t base[kMost];     // element::pack_color
+  alignas(64) std::uint32_t regions[kMost];  // tint mask, 8 bits each
+  alignas(64) float normal[3][kMost];        // world axes, of any length
+  alignas(64) float relative[3][kMost];      // metres, relative to the eye
+  alignas(64) float weight[kMost];           // share of the pixel
+  alignas(64) std::uint16_t pixel[kMost];    // of the tile
+  alignas(64) float rgb[3][kMost];           // out: tone-mapped, linear
+  std::size_t count = 0;
+};
+
+/// Tints, channel, sun and sky, haze: the same light as shade_items.
+void shade_surface_items(const SceneFrame& scene, const InstanceShade* shades, SurfaceItems& items);
+
 /// Ground, grid and sky of a row of pixels [x, x + count): tone-mapped, linear.
 void shade_background(const SceneFrame& scene, int x_px, int y_px, int count, float* r, float* g,
                       float* b);

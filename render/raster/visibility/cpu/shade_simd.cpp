@@ -577,6 +577,54 @@ void ShadeFlat(const SceneFrame& scene, const SharedMeshes& meshes, const Instan
   }
 }
 
+void ShadeSurface(const SceneFrame& scene, const InstanceShade* shades, SurfaceItems& items) {
+  const FloatTag df;
+  const IntTag di;
+  const UintTag du;
+  const std::size_t lanes = hn::Lanes(df);
+  if (items.count == 0) return;
+  for (std::size_t i = items.count; i < items.count + lanes; ++i) {  // fills the last vector
+    const std::size_t last = items.count - 1;
+    items.instance[i] = items.instance[last];
+    items.base[i] = items.base[last];
+    items.regions[i] = items.regions[last];
+    for (int c = 0; c < 3; ++c) {
+      items.normal[c][i] = items.normal[c][last];
+      items.relative[c][i] = items.relative[c][last];
+    }
+  }
+  const auto* shade_words = reinterpret_cast<const std::uint32_t*>(shades);
+  const auto* shade_floats = reinterpret_cast<const float*>(shades);
+  const V3 toward = Set3(-scene.ray_direction);
+  for (std::size_t i = 0; i < items.count; i += lanes) {
+    const I instance =
+        hn::Mul(hn::Load(di, items.instance + i), hn::Set(di, sizeof(InstanceShade) / 4));
+    const V3 place{hn::Load(df, items.relative[0] + i), hn::Load(df, items.relative[1] + i),
+                   hn::Load(df, items.relative[2] + i)};
+    const V3 n = Unit3({hn::Load(df, items.normal[0] + i), hn::Load(df, items.normal[1] + i),
+                        hn::Load(df, items.normal[2] + i)});
+    const V3 to_eye = scene.orthographic ? toward : Unit3(Scale3(place, Set(-1.0F)));
+    const V3 color = Unpack(hn::Load(du, items.base + i));
+    const U regions = hn::Load(du, items.regions + i);
+    const U byte = hn::Set(du, 255);
+    const auto region = [&](U bits) HWY_ATTR {
+      return Times(hn::ConvertTo(df, hn::BitCast(di, hn::And(bits, byte))), 1.0F / 255.0F);
+    };
+    const Rgba mask{region(regions), region(hn::ShiftRight<8>(regions)),
+                    region(hn::ShiftRight<16>(regions)), region(hn::ShiftRight<24>(regions))};
+    V3 albedo = Tinted(color, mask, shade_words, instance);
+    const U channel = hn::GatherIndex(du, shade_words + 9, instance);
+    if (!hn::AllTrue(du, hn::Eq(channel, hn::Set(du, kNoChannel)))) {
+      albedo = Colored(color, albedo, channel);
+    }
+    const F above_m = hn::Sub(place.z, hn::GatherIndex(df, shade_floats + 2, instance));
+    const V3 lit = Lit(scene, albedo, n, to_eye, above_m, hn::Sqrt(Dot3(place, place)));
+    hn::Store(lit.x, df, items.rgb[0] + i);
+    hn::Store(lit.y, df, items.rgb[1] + i);
+    hn::Store(lit.z, df, items.rgb[2] + i);
+  }
+}
+
 /// Share of [p - w/2, p + w/2] on lines of this half width, one each period (see gl/shaders.cpp).
 HWY_INLINE F LineCover(F p, F w, float period, float half_width) {
   const F share = Set(2.0F * half_width / period);
@@ -828,6 +876,7 @@ TriangleTone tone_of(const TextureInfo& info, const TextureStore& textures, cons
 HWY_EXPORT(ShadeOwn);
 HWY_EXPORT(ShadeShared);
 HWY_EXPORT(ShadeFlat);
+HWY_EXPORT(ShadeSurface);
 HWY_EXPORT(ShadeBackground);
 HWY_EXPORT(ShadeBlob);
 HWY_EXPORT(EncodeRow);
@@ -846,6 +895,11 @@ void shade_shared_items(const SceneFrame& scene, const SharedMeshes& meshes,
 void shade_flat_items(const SceneFrame& scene, const SharedMeshes& meshes,
                       const InstanceShade* shades, ShadeItems& items) {
   HWY_DYNAMIC_DISPATCH(ShadeFlat)(scene, meshes, shades, items);
+}
+
+void shade_surface_items(const SceneFrame& scene, const InstanceShade* shades,
+                         SurfaceItems& items) {
+  HWY_DYNAMIC_DISPATCH(ShadeSurface)(scene, shades, items);
 }
 
 std::vector<TriangleTone> make_tones(const Cast& cast, const LevelTable& levels,
