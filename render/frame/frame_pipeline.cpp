@@ -5,6 +5,7 @@
 #include <ctime>
 #include <utility>
 
+#include "render/frame/passes.hpp"
 #include "throng/render/environment.hpp"
 #include "throng/render/frame.hpp"
 
@@ -47,6 +48,7 @@ struct FramePipeline::State {
   std::unique_ptr<ComputeBackend> backend;
   std::unique_ptr<Rasterizer> rasterizer;
   std::unique_ptr<ViewWork> view;
+  PixelFacts facts;
   std::string backend_name;
   GeometryKind geometry = GeometryKind::kBatched;
   bool measure_cpu_times = false;
@@ -148,6 +150,17 @@ struct FramePipeline::State {
     next_advanced = (next_advanced + 1) % advanced.size();
     return *instances;
   }
+
+  /// Whose agents the instances are; null for null.
+  std::shared_ptr<const Snapshot> shown_at(
+      const std::shared_ptr<const Instances>& instances) const {
+    if (instances == nullptr) return nullptr;
+    for (const Advanced& entry : advanced) {
+      if (entry.instances != instances) continue;
+      return entry.time_us < entry.newer->time_us ? entry.older : entry.newer;
+    }
+    return nullptr;
+  }
 };
 
 FramePipeline::FramePipeline() : state_(std::make_unique<State>()) {}
@@ -186,7 +199,7 @@ absl::StatusOr<std::unique_ptr<FramePipeline>> FramePipeline::make(
 
 absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_us,
                                    const ViewSettings& settings, Picture& picture,
-                                   FrameStats& stats) {
+                                   FrameStats& stats, FramePasses* passes) {
   State& state = *state_;
   stats = {};
   stats.scene_time_us = scene_time_us;
@@ -223,12 +236,20 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
     stats.counters = state.backend->counters(view);
     stats.counters.agents = (*instances)->present;
   }
+  if (passes != nullptr) {
+    if (absl::Status kept = state.rasterizer->keep_facts(&state.facts); !kept.ok()) return kept;
+  }
   absl::Status status =
       state.rasterizer->draw(geometry, settings.camera, settings.viewport,
                              crowd.settings().origin_world, settings.look, picture);
   clock.stop(&StageTimes::raster_ms);
   stats.raster = state.rasterizer->counters();
-  return status;
+  if (passes == nullptr) return status;
+  if (absl::Status left = state.rasterizer->keep_facts(nullptr); !left.ok()) return left;
+  if (!status.ok()) return status;
+  fill_passes(state.facts, geometry, state.shown_at(*instances), settings,
+              crowd.settings().origin_world, *passes);
+  return absl::OkStatus();
 }
 
 RasterInfo FramePipeline::raster_info() const { return state_->rasterizer->info(); }

@@ -3,21 +3,20 @@
 #include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_replace.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
-#include <condition_variable>
 #include <filesystem>
 #include <fstream>
 #include <limits>
 #include <memory>
-#include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <thread>
 #include <utility>
 
 #include "server/batch/camera_path.hpp"
+#include "server/batch/picture_sink.hpp"
 #include "server/batch/synthetic.hpp"
 #include "throng/render/asset.hpp"
 #include "throng/render/crowd.hpp"
@@ -26,16 +25,53 @@
 namespace throng::server {
 namespace {
 
-enum class OutputKind { kPng, kJpeg, kVideo };
+constexpr char kCamera[] = "{camera}", kPass[] = "{pass}";
 
-absl::StatusOr<OutputKind> output_kind(const std::string& path) {
+absl::StatusOr<OutputKind> output_kind(const BatchJob& job) {
+  const std::string& path = job.output;
+  if (path == "-") return OutputKind::kStream;
+  if (!job.passes.color) {
+    if (absl::EndsWithIgnoreCase(path, ".exr")) return OutputKind::kExr;
+    return absl::InvalidArgumentError(
+        absl::StrCat("-o: '", path, "' must end with .exr, or --passes name color too"));
+  }
   if (absl::EndsWithIgnoreCase(path, ".png")) return OutputKind::kPng;
   if (absl::EndsWithIgnoreCase(path, ".jpg") || absl::EndsWithIgnoreCase(path, ".jpeg")) {
     return OutputKind::kJpeg;
   }
   if (absl::EndsWithIgnoreCase(path, ".mp4")) return OutputKind::kVideo;
   return absl::InvalidArgumentError(
-      absl::StrCat("-o: '", path, "' must end with .png, .jpg or .mp4"));
+      absl::StrCat("-o: '", path, "' must end with .png, .jpg or .mp4, or be - for PPM pictures"));
+}
+
+/// What can't be had together. OK, or what to change.
+absl::Status check_output(const BatchJob& job, OutputKind kind) {
+  const bool one_file = kind == OutputKind::kVideo || kind == OutputKind::kStream;
+  if (one_file && (job.shard.count > 1 || job.skip_existing)) {
+    return absl::InvalidArgumentError(
+        "-o: a video is one file; --shard and --skip-existing want numbered pictures");
+  }
+  if (one_file && job.passes.data()) {
+    return absl::InvalidArgumentError(
+        "--passes: depth and id want numbered pictures, such as -o out/{pass}/####.png");
+  }
+  if (kind == OutputKind::kStream && job.cameras.size() > 1) {
+    return absl::InvalidArgumentError("-o: - is one stream, give one --camera");
+  }
+  if (job.passes.count() > 1 && !absl::StrContains(job.output, kPass)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("-o: '", job.output, "' must hold {pass} when there are several, such as ",
+                     "out/{pass}/####.png"));
+  }
+  if (!job.boxes.empty() && job.cameras.size() > 1 && !absl::StrContains(job.boxes, kCamera)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "--boxes: '", job.boxes, "' must hold {camera} when there are several cameras"));
+  }
+  if ((job.passes.data() || !job.boxes.empty()) && job.pipeline.raster == render::RasterKind::kGl) {
+    return absl::InvalidArgumentError(
+        "--raster: gl draws colours only; depth, id and --boxes come from visibility");
+  }
+  return absl::OkStatus();
 }
 
 absl::StatusOr<std::unique_ptr<trajectory::Reader>> open_source(const BatchJob& job) {
@@ -129,85 +165,6 @@ class Feed {
   bool ended_ = false;
 };
 
-/// Encodes and writes pictures beside the render loop, one behind it.
-class PictureSink {
- public:
-  PictureSink(OutputKind kind, int jpeg_quality, render::VideoWriter* video)
-      : kind_(kind), jpeg_quality_(jpeg_quality), video_(video), thread_([this] { run(); }) {}
-
-  ~PictureSink() { drain(); }
-
-  /// Waits until the picture before has been written, then takes this one.
-  void add(render::Picture picture, std::string path, std::int64_t time_us) {
-    std::unique_lock lock(mutex_);
-    idle_.wait(lock, [this] { return !waiting_; });
-    picture_ = std::move(picture);
-    path_ = std::move(path);
-    time_us_ = time_us;
-    waiting_ = true;
-    work_.notify_one();
-  }
-
-  /// Writes what is left. After it: which files failed, and why.
-  const std::vector<std::pair<std::string, absl::Status>>& drain() {
-    {
-      std::unique_lock lock(mutex_);
-      idle_.wait(lock, [this] { return !waiting_; });
-      ended_ = true;
-      work_.notify_one();
-    }
-    if (thread_.joinable()) thread_.join();
-    return failures_;
-  }
-
- private:
-  absl::Status write() {
-    if (kind_ == OutputKind::kVideo) return video_->add(picture_.rgbx, time_us_);
-    const std::filesystem::path folder = std::filesystem::path(path_).parent_path();
-    if (!folder.empty()) {
-      std::error_code error;
-      std::filesystem::create_directories(folder, error);
-      if (error) {
-        return absl::UnavailableError(
-            absl::StrCat(folder.string(), ": can't be made: ", error.message()));
-      }
-    }
-    if (kind_ == OutputKind::kPng) {
-      auto bytes = render::encode_png(picture_.rgbx, picture_.width_px, picture_.height_px);
-      return bytes.ok() ? render::write_file(path_, *bytes) : bytes.status();
-    }
-    auto bytes = jpeg_.encode(picture_.rgbx, picture_.width_px, picture_.height_px, jpeg_quality_);
-    return bytes.ok() ? render::write_file(path_, *bytes) : bytes.status();
-  }
-
-  void run() {
-    std::unique_lock lock(mutex_);
-    while (true) {
-      work_.wait(lock, [this] { return waiting_ || ended_; });
-      if (!waiting_) return;
-      lock.unlock();
-      absl::Status status = write();
-      lock.lock();
-      if (!status.ok()) failures_.emplace_back(path_, std::move(status));
-      waiting_ = false;
-      idle_.notify_all();
-    }
-  }
-
-  OutputKind kind_;
-  int jpeg_quality_;
-  render::VideoWriter* video_;
-  render::JpegEncoder jpeg_;
-  std::mutex mutex_;
-  std::condition_variable work_, idle_;
-  bool waiting_ = false, ended_ = false;
-  render::Picture picture_;
-  std::string path_;
-  std::int64_t time_us_ = 0;
-  std::vector<std::pair<std::string, absl::Status>> failures_;
-  std::thread thread_;
-};
-
 std::string stats_line(std::uint32_t number, const std::string& path,
                        const render::FrameStats& stats) {
   const render::StageTimes& t = stats.times;
@@ -260,18 +217,29 @@ ExitCode input_code(const absl::Status& status) {
 struct Output {
   explicit Output(CameraPath with_camera) : camera(std::move(with_camera)) {}
   CameraPath camera;
-  std::string path;                     // with {camera} replaced
-  std::optional<NumberedPath> pattern;  // none: a video
+  std::string path;                              // {camera} replaced: a video, or a stream
+  std::optional<NumberedPath> color, depth, id;  // none: not written, or no pictures
   std::unique_ptr<render::VideoWriter> video;
+  std::ofstream boxes;
   std::unique_ptr<PictureSink> sink;
   std::uint32_t written = 0;
 
-  std::string path_of(std::uint32_t number) const { return pattern ? pattern->at(number) : path; }
+  std::string color_of(std::uint32_t number) const { return color ? color->at(number) : path; }
+
+  /// True where every picture of this number is a file already.
+  bool exists(std::uint32_t number) const {
+    for (const auto* pattern : {&color, &depth, &id}) {
+      std::error_code ignored;
+      if (*pattern && !std::filesystem::is_regular_file((*pattern)->at(number), ignored)) {
+        return false;
+      }
+    }
+    return true;
+  }
 };
 
 absl::StatusOr<std::vector<Output>> make_outputs(const BatchJob& job, OutputKind kind,
                                                  const Span& span) {
-  constexpr char kCamera[] = "{camera}";
   if (job.cameras.size() > 1 && !absl::StrContains(job.output, kCamera)) {
     return absl::FailedPreconditionError(
         absl::StrCat("-o: '", job.output, "' must hold {camera} when there are several, such as ",
@@ -290,10 +258,21 @@ absl::StatusOr<std::vector<Output>> make_outputs(const BatchJob& job, OutputKind
     }
     Output& output = outputs.emplace_back(*std::move(camera));
     output.path = absl::StrReplaceAll(job.output, {{kCamera, output.camera.name()}});
-    if (kind == OutputKind::kVideo) continue;
-    absl::StatusOr<NumberedPath> pattern = NumberedPath::parse(output.path);
-    if (!pattern.ok()) return absl::FailedPreconditionError(pattern.status().message());
-    output.pattern = *std::move(pattern);
+    if (kind == OutputKind::kVideo || kind == OutputKind::kStream) continue;
+    const auto add = [&](bool wanted, const char* pass, std::optional<NumberedPath>& to) {
+      if (!wanted) return absl::OkStatus();
+      std::string path = absl::StrReplaceAll(output.path, {{kPass, pass}});
+      if (&to != &output.color) path = std::filesystem::path(path).replace_extension(".exr");
+      absl::StatusOr<NumberedPath> pattern = NumberedPath::parse(path);
+      if (!pattern.ok()) return absl::FailedPreconditionError(pattern.status().message());
+      to = *std::move(pattern);
+      return absl::OkStatus();
+    };
+    for (const absl::Status& status :
+         {add(job.passes.color, "color", output.color),
+          add(job.passes.depth, "depth", output.depth), add(job.passes.id, "id", output.id)}) {
+      if (!status.ok()) return status;
+    }
   }
   return outputs;
 }
@@ -303,12 +282,12 @@ absl::StatusOr<std::vector<Output>> make_outputs(const BatchJob& job, OutputKind
 BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
                        const std::atomic<bool>& stop) {
   // everything that can be refused is refused before the first picture
-  const absl::StatusOr<OutputKind> kind = output_kind(job.output);
+  const absl::StatusOr<OutputKind> kind = output_kind(job);
   if (!kind.ok()) return failure(ExitCode::kUsage, std::string(kind.status().message()));
-  if (*kind == OutputKind::kVideo && (job.shard.count > 1 || job.skip_existing)) {
-    return failure(ExitCode::kUsage,
-                   "-o: a video is one file; --shard and --skip-existing want numbered pictures");
+  if (const absl::Status status = check_output(job, *kind); !status.ok()) {
+    return failure(ExitCode::kUsage, std::string(status.message()));
   }
+  const bool wants_passes = job.passes.data() || !job.boxes.empty();
   const absl::StatusOr<Span> span = measure(job);
   if (!span.ok()) return failure(input_code(span.status()), std::string(span.status().message()));
   absl::StatusOr<std::vector<Output>> outputs = make_outputs(job, *kind, *span);
@@ -321,7 +300,10 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
       std::min(1e8, std::floor(static_cast<double>(span->last_us) * 1e-6 * job.fps + 1e-6) + 1));
   absl::StatusOr<std::vector<std::uint32_t>> numbers = parse_frame_numbers(job.frames, last);
   if (!numbers.ok()) return failure(ExitCode::kUsage, std::string(numbers.status().message()));
-  const std::optional<NumberedPath>& pattern = outputs->front().pattern;
+  const Output& first = outputs->front();
+  const std::optional<NumberedPath>& pattern = first.color   ? first.color
+                                               : first.depth ? first.depth
+                                                             : first.id;
   if (pattern && !pattern->numbered() && (numbers->size() != 1 || job.shard.count > 1)) {
     return failure(ExitCode::kUsage,
                    absl::StrCat("-o: '", job.output, "' names one picture and ", numbers->size(),
@@ -388,7 +370,9 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
     }
   }
 
-  auto pipeline = render::FramePipeline::make(shared_cast, job.pipeline);
+  render::FramePipelineOptions pipeline_options = job.pipeline;
+  if (wants_passes) pipeline_options.raster = render::RasterKind::kVisibility;
+  auto pipeline = render::FramePipeline::make(shared_cast, pipeline_options);
   if (!pipeline.ok()) {
     return failure(ExitCode::kNoRenderer, std::string(pipeline.status().message()));
   }
@@ -403,6 +387,12 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
       output.video = *std::move(opened);
     }
   }
+  for (Output& output : *outputs) {
+    if (job.boxes.empty()) break;
+    const std::string path = absl::StrReplaceAll(job.boxes, {{kCamera, output.camera.name()}});
+    output.boxes.open(path, std::ios::binary | std::ios::trunc);
+    if (!output.boxes) return failure(ExitCode::kOutput, absl::StrCat(path, ": can't be written"));
+  }
   std::ofstream stats_file;
   if (!job.stats.empty()) {
     stats_file.open(job.stats, std::ios::binary | std::ios::trunc);
@@ -414,7 +404,8 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
   crowd.set_environment(environment);
   Feed feed(*std::move(reader), crowd);
   for (Output& output : *outputs) {
-    output.sink = std::make_unique<PictureSink>(*kind, job.jpeg_quality, output.video.get());
+    output.sink =
+        std::make_unique<PictureSink>(*kind, job.jpeg_quality, output.video.get(), STDOUT_FILENO);
   }
   const auto total = static_cast<std::uint32_t>(mine.size() * outputs->size());
   std::uint32_t done = 0;
@@ -425,9 +416,8 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
     const std::int64_t time_us = std::llround(time_s * 1e6);
     for (Output& output : *outputs) {
       if (stop) break;
-      const std::string path = output.path_of(number);
-      std::error_code ignored;
-      if (job.skip_existing && std::filesystem::is_regular_file(path, ignored)) {
+      const std::string path = output.color_of(number);
+      if (job.skip_existing && output.exists(number)) {
         ++outcome.skipped;
         if (progress) progress(++done, total, path);
         continue;
@@ -438,9 +428,11 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
         break;
       }
       view.camera = output.camera.at(time_s, crowd);
-      render::Picture picture;
+      FinishedPicture finished;
+      render::Picture& picture = finished.picture;
       render::FrameStats stats;
-      if (absl::Status status = (*pipeline)->render(crowd, time_us, view, picture, stats);
+      if (absl::Status status = (*pipeline)->render(crowd, time_us, view, picture, stats,
+                                                    wants_passes ? &finished.passes : nullptr);
           !status.ok()) {
         failed.push_back(absl::StrCat(path, ": ", status.message()));
         continue;
@@ -456,9 +448,18 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
                      picture);
       }
       if (stats_file.is_open()) stats_file << stats_line(number, path, stats);
-      output.sink->add(std::move(picture), path, std::llround(i / job.fps * 1e6));
+      if (output.boxes.is_open()) {
+        output.boxes << box_lines(number, finished.passes, job.box_extent);
+      }
+      if (job.passes.color) finished.color_path = path;
+      if (output.depth) finished.depth_path = output.depth->at(number);
+      if (output.id) finished.id_path = output.id->at(number);
+      finished.time_us = std::llround(i / job.fps * 1e6);
+      output.sink->add(std::move(finished));
       ++output.written;
       if (progress) progress(++done, total, path);
+      // nobody reads the rest of a stream that has broken
+      if (*kind == OutputKind::kStream && output.sink->failed()) outcome.code = ExitCode::kOutput;
     }
   }
   for (Output& output : *outputs) {
@@ -467,6 +468,9 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
       --output.written;
     }
     outcome.written += output.written;
+    if (output.boxes.is_open() && !output.boxes.flush()) {
+      failed.push_back(absl::StrCat(job.boxes, ": can't be written"));
+    }
     if (output.video == nullptr || output.written == 0) continue;
     if (absl::Status status = output.video->finish(); !status.ok()) {
       failed.push_back(std::string(status.message()));
@@ -475,7 +479,7 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
   if (stats_file.is_open() && !stats_file.flush()) {
     failed.push_back(absl::StrCat(job.stats, ": can't be written"));
   }
-  if (!failed.empty() && outcome.code == ExitCode::kOk) {
+  if (!failed.empty() && outcome.error.empty()) {
     outcome.code = outcome.written == 0 ? ExitCode::kOutput : ExitCode::kSomeFramesFailed;
     outcome.error = failed.size() == 1
                         ? failed[0]

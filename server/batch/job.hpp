@@ -11,6 +11,7 @@
 
 #include "server/batch/frame_numbers.hpp"
 #include "server/batch/overlay.hpp"
+#include "server/batch/passes.hpp"
 #include "throng/render/environment.hpp"
 #include "throng/render/frame.hpp"
 #include "throng/trajectory/trajectory.hpp"
@@ -24,8 +25,13 @@ struct BatchJob {
   std::uint32_t synthetic_agents = 0;  // with `seed`, `synthetic_seconds`
   double synthetic_seconds = 10.0;
   trajectory::ReadOptions read;
-  std::string cast;    // folder
-  std::string output;  // out/####.png, .jpg, or one .mp4; {camera} becomes the camera's name
+  std::string cast;  // folder
+  // out/####.png, .jpg, or one .mp4, or - for PPM pictures on standard output; {camera} becomes the
+  // camera's name and {pass} color, depth or id (those two end with .exr)
+  std::string output;
+  PassSet passes;
+  std::string boxes;  // MOTChallenge text, {camera} as above; empty: none
+  BoxExtent box_extent = BoxExtent::kVisible;
   std::vector<std::string> cameras{"overview"};  // as CameraPath::parse reads them
   std::string frames;                            // numbers from 1, empty: all
   std::string stats;                             // JSON lines, empty: none

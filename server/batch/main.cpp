@@ -35,6 +35,8 @@ constexpr const char* kFooter = R"(Examples:
   throng-render run.sqlite -o out/####.png --shard 2/3      (or auto on Slurm and Kubernetes)
   throng-render run.sqlite -o '{camera}.mp4' --camera overview --camera top --camera follow:17
   throng-render --synthetic 30000 --seed 7 -o crowd/####.png --frames 1-25
+  throng-render run.sqlite -o '{pass}/####.png' --passes color,depth,id --boxes gt.txt
+  throng-render run.sqlite -o - | ffmpeg -f image2pipe -c:v ppm -framerate 25 -i - walk.webm
 
 Exit codes: 0 all pictures written, 1 internal error, 2 usage, 3 bad input, 4 nothing to render with,
   5 output can't be written, 6 some pictures failed, 130 or 143 stopped by Ctrl-C or SIGTERM.)";
@@ -59,6 +61,7 @@ std::string default_cast() {
 
 void show_progress(std::uint32_t done, std::uint32_t total, const std::string& path) {
   static const bool terminal = isatty(STDERR_FILENO) == 1;
+  if (path == "-" && !terminal) return;  // the pictures go where the lines would
   if (!terminal) {
     std::printf("frame %u/%u %s\n", done, total, path.c_str());
     std::fflush(stdout);
@@ -80,14 +83,15 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", "throng-render " THRONG_VERSION);
   BatchJob job;
   std::string size = "1280x720", unit, z_rule, shard = "1/1", channel_range, lod = "budget",
-              raster = "auto", overlay, title;
+              raster = "auto", overlay, title, passes = "color", box_extent = "visible";
   double source_fps = 0.0;
   app.add_option("trajectory", job.trajectory,
                  "Trajectory file (JuPedSim sqlite, archive text, CSV ...)")
       ->type_name("FILE");
   app.add_option("-o,--output", job.output,
                  "out/####.png, out/%04d.jpg, out/$F4.png; one.png; or one .mp4. {camera} becomes "
-                 "the camera's name")
+                 "the camera's name, {pass} that of the pass; - writes PPM pictures to standard "
+                 "output")
       ->required()
       ->type_name("PATH");
   app.add_option("--cast", job.cast, "Folder of baked characters (default: the built-in cast)")
@@ -143,6 +147,18 @@ int main(int argc, char** argv) {
   app.add_flag("--no-walls", no_walls, "Draw no walls and obstacles");
   app.add_option("--overlay", overlay, "Write into the pictures: time,agents,scale,legend or all")
       ->type_name("ITEMS");
+  app.add_option("--passes", passes,
+                 "What to write of each picture: color, depth (EXR, Z in metres) and id (EXR, the "
+                 "agent of each pixel)")
+      ->capture_default_str()
+      ->type_name("LIST");
+  app.add_option("--boxes", job.boxes,
+                 "Write where each agent is in the pictures, as MOTChallenge text")
+      ->type_name("FILE.txt");
+  app.add_option("--box-extent", box_extent,
+                 "visible: around the pixels that show the agent; whole: with what others hide")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"visible", "whole"}));
   app.add_option("--title", title, "Write this into the pictures")->type_name("TEXT");
   app.add_option("--source-fps", source_fps, "Frame rate of the file, where it does not say")
       ->check(CLI::Range(0.001, 10000.0));
@@ -197,6 +213,11 @@ int main(int argc, char** argv) {
   if (!parsed_overlay.ok()) return usage(std::string(parsed_overlay.status().message()));
   job.overlay = *parsed_overlay;
   job.overlay.title = title;
+  const auto parsed_passes = throng::server::parse_passes(passes);
+  if (!parsed_passes.ok()) return usage(std::string(parsed_passes.status().message()));
+  job.passes = *parsed_passes;
+  job.box_extent = box_extent == "whole" ? throng::server::BoxExtent::kWhole
+                                         : throng::server::BoxExtent::kVisible;
   const auto parsed_shard = throng::server::parse_shard(shard);
   if (!parsed_shard.ok()) return usage(std::string(parsed_shard.status().message()));
   job.shard = *parsed_shard;
@@ -220,6 +241,7 @@ int main(int argc, char** argv) {
 
   std::signal(SIGINT, on_signal);
   std::signal(SIGTERM, on_signal);
+  if (job.output == "-") std::signal(SIGPIPE, SIG_IGN);  // then it is an error as any other
   const BatchOutcome outcome = throng::server::run_batch(
       job, quiet ? throng::server::BatchProgress() : show_progress, stop_requested);
   for (const std::string& note : outcome.notes) {

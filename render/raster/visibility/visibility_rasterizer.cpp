@@ -116,6 +116,10 @@ class VisibilityRasterizer final : public Rasterizer {
 
   bool takes_fused() const override { return true; }
   RasterCounters counters() const override;
+  absl::Status keep_facts(PixelFacts* facts) override {
+    facts_ = facts;
+    return absl::OkStatus();
+  }
   absl::Status upload(std::shared_ptr<const Cast> cast) override;
   absl::Status draw(const FrameGeometry& geometry, const Camera& camera, const Viewport& viewport,
                     const glm::dvec3& origin_world, const Look& look, Picture& picture) override;
@@ -127,6 +131,8 @@ class VisibilityRasterizer final : public Rasterizer {
   absl::Status number_blocks(const FrameGeometry& geometry);
   void bin();
   void bin_shadows(const SceneFrame& scene, const Viewport& viewport);
+  void collect_facts(int tile_x_px, int tile_y_px, int width, int height, int picture_width,
+                     const TilePlanes& planes) const;
   void prefetch(const FrameGeometry& geometry, const DrawnInstance& drawn) const;
   SharedTriangles shared_triangles(const FrameGeometry& geometry, const DrawnInstance& drawn) const;
   void draw_tile(const FrameGeometry& geometry, const SceneFrame& scene, const Viewport& viewport,
@@ -218,6 +224,7 @@ class VisibilityRasterizer final : public Rasterizer {
     std::uint32_t level;  // or kAllTriangles: as the figure
   };
   std::vector<Caster> caster_shapes_;
+  PixelFacts* facts_ = nullptr;  // null: nobody asks
 };
 
 RasterCounters VisibilityRasterizer::counters() const {
@@ -712,6 +719,43 @@ void VisibilityRasterizer::collect_items(int tile_x_px, int tile_y_px, int width
   }
 }
 
+void VisibilityRasterizer::collect_facts(int tile_x_px, int tile_y_px, int width, int height,
+                                         int picture_width, const TilePlanes& planes) const {
+  for (int y = 0; y < height; ++y) {
+    const auto row =
+        static_cast<std::size_t>(tile_y_px + y) * static_cast<std::size_t>(picture_width);
+    for (int x = 0; x < width; ++x) {
+      const std::size_t at = sample_index(2 * x, 2 * y);
+      const std::size_t places[4] = {at, at + 1, at + 4, at + 5};
+      std::uint32_t shown[4];
+      for (int k = 0; k < 4; ++k) {
+        shown[k] = planes.depth[places[k]] == 0.0F
+                       ? PixelFacts::kNothing
+                       : block_instance_[element::block_of(planes.id[places[k]])];
+      }
+      std::uint32_t best = PixelFacts::kNothing;
+      int best_count = 0;
+      float best_depth = -1.0F;
+      for (int k = 0; k < 4; ++k) {
+        int count = 0;
+        float nearest = 0.0F;
+        for (int other = 0; other < 4; ++other) {
+          if (shown[other] != shown[k]) continue;
+          ++count;
+          nearest = std::max(nearest, planes.depth[places[other]]);
+        }
+        if (count < best_count || (count == best_count && nearest <= best_depth)) continue;
+        best = shown[k];
+        best_count = count;
+        best_depth = nearest;
+      }
+      const std::size_t pixel = row + static_cast<std::size_t>(tile_x_px + x);
+      facts_->instance[pixel] = best;
+      facts_->depth[pixel] = best_depth;
+    }
+  }
+}
+
 void VisibilityRasterizer::add_background(const SceneFrame& scene, std::size_t tile, int tile_x_px,
                                           int tile_y_px, int width, int height,
                                           TileScratch& scratch,
@@ -854,6 +898,10 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
     std::fill(scratch.background_share, scratch.background_share + kPixels, 1.0F);
   } else {
     collect_items(tile_x_px, tile_y_px, width, height, scratch);
+    if (facts_ != nullptr) {
+      collect_facts(tile_x_px, tile_y_px, width, height, static_cast<int>(viewport.width_px),
+                    scratch.planes);
+    }
     shade_items(scene, geometry, shades_.data(), textures_, scratch.items);
     const SharedMeshes shared{geometry.posed, levels_.corners.data(), uv_.data(),
                               shared_shades_.data(), tones_.data()};
@@ -900,6 +948,20 @@ absl::Status VisibilityRasterizer::draw(const FrameGeometry& geometry, const Cam
       if (scene.shadows) {
         project_shadows(geometry, scene);
         bin_shadows(scene, viewport);
+      }
+    }
+    if (facts_ != nullptr) {
+      // tiles without a figure leave it so
+      facts_->depth.assign(std::size_t{viewport.width_px} * viewport.height_px, 0.0F);
+      facts_->instance.assign(facts_->depth.size(), PixelFacts::kNothing);
+      facts_->bounds.resize(count_);
+      for (std::size_t i = 0; i < count_; ++i) {
+        const DrawnInstance& drawn = drawn_[i];
+        if (drawn.x_low > drawn.x_high) {
+          facts_->bounds[i] = {};
+          continue;
+        }
+        facts_->bounds[i] = {drawn.x_low / 2, drawn.y_low / 2, drawn.x_high / 2, drawn.y_high / 2};
       }
     }
     for (auto& one : scratch_) one->counters = {};

@@ -7,6 +7,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <variant>
 #include <vector>
 
 namespace throng::render {
@@ -42,6 +43,19 @@ absl::StatusOr<std::vector<std::uint8_t>> encode_png(std::span<const std::uint8_
                                                      std::uint32_t width_px,
                                                      std::uint32_t height_px);
 absl::StatusOr<DecodedImage> decode_png(std::span<const std::uint8_t> png);
+
+/// A channel of an EXR file: one value a pixel [height][width], rows from the top.
+struct ExrChannel {
+  std::string name;
+  std::variant<std::span<const float>, std::span<const std::uint32_t>> values;
+};
+/// OpenEXR with 32-bit FLOAT and UINT channels, losslessly deflated. Deterministic.
+/// @param comment  kept in the file, for who finds it.
+/// InvalidArgument for a wrong size; ResourceExhausted; Internal with what OpenEXR said.
+absl::StatusOr<std::vector<std::uint8_t>> encode_exr(std::span<const ExrChannel> channels,
+                                                     std::uint32_t width_px,
+                                                     std::uint32_t height_px,
+                                                     const std::string& comment);
 
 /// Writes `path` atomically: a temporary file beside it, fsync, rename.
 absl::Status write_file(const std::string& path, std::span<const std::uint8_t> bytes);

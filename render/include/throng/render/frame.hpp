@@ -37,6 +37,24 @@ struct ViewSettings {
   int channel = -1;  // index of the channel that colours the agents
 };
 
+/// Someone, or a piece of what stands around, who may be in a picture.
+struct SeenInstance {
+  std::uint64_t agent_id = 0;
+  bool surrounding = false;      // no agent
+  std::uint32_t visible_px = 0;  // 0: behind others, or so small that no pixel is theirs
+  PixelBox visible;              // around those pixels
+  PixelBox bounds;               // the picture's part that the whole figure stays within
+};
+
+/// What a picture shows beside colours, rows from the top.
+struct FramePasses {
+  static constexpr std::uint32_t kNothing = PixelFacts::kNothing;
+  std::uint32_t width_px = 0, height_px = 0;
+  std::vector<float> depth_m;           // [height][width] along the viewing axis; infinity: the sky
+  std::vector<std::uint32_t> instance;  // [height][width] of `instances`, or kNothing
+  std::vector<SeenInstance> instances;
+};
+
 struct FramePipelineOptions {
   BackendKind backend = BackendKind::kCpu;
   RasterKind raster = RasterKind::kAuto;
@@ -56,8 +74,9 @@ class FramePipeline {
   ~FramePipeline();
 
   /// Renders the crowd at `scene_time_us`. An empty crowd gives the empty scene.
+  /// @param passes  may be null. Unimplemented where the rasterizer can't fill it.
   absl::Status render(const Crowd& crowd, std::int64_t scene_time_us, const ViewSettings& settings,
-                      Picture& picture, FrameStats& stats);
+                      Picture& picture, FrameStats& stats, FramePasses* passes = nullptr);
 
   RasterInfo raster_info() const;
   std::string backend_name() const;

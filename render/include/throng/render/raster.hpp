@@ -48,6 +48,20 @@ struct RasterCounters {
   std::uint64_t size_bytes = 0;  // memory of the rasterizer, textures included
 };
 
+/// Pixels, inclusive; x_low > x_high: none.
+struct PixelBox {
+  std::int32_t x_low = 0, y_low = 0, x_high = -1, y_high = -1;
+};
+
+/// What each pixel shows beside its colour, rows from the top. Of a pixel's samples the instance
+/// that most of them show decides, and of equals the nearer one, so masks never overlap.
+struct PixelFacts {
+  static constexpr std::uint32_t kNothing = 0xffffffffU;
+  std::vector<float> depth;             // [height][width] of clip space, reversed; 0: nothing
+  std::vector<std::uint32_t> instance;  // [height][width] of FrameGeometry::instances
+  std::vector<PixelBox> bounds;         // [V] the picture's part that an instance stays within
+};
+
 /// Rasterization and shading of a frame. Not thread safe: one render loop owns it, and a GL context
 /// stays on the thread that first drew.
 class Rasterizer {
@@ -60,6 +74,14 @@ class Rasterizer {
 
   /// True where fused geometry can be drawn.
   virtual bool takes_fused() const { return false; }
+
+  /// The draws that follow also fill `facts`; null: no longer. Unimplemented by a rasterizer that
+  /// can't.
+  virtual absl::Status keep_facts(PixelFacts* facts) {
+    return facts == nullptr
+               ? absl::OkStatus()
+               : absl::UnimplementedError("keep_facts: this rasterizer draws colours only");
+  }
 
   /// Textures of the cast, once.
   virtual absl::Status upload(std::shared_ptr<const Cast> cast) = 0;
