@@ -427,7 +427,7 @@ std::uint64_t RenderLoop::State::controlled_budget(const Recipients& recipients,
                                                     .start_budget = options.default_vertex_budget});
     }
     control.drawn = now;
-    control.frame = counters.rendered_frames;
+    control.frame = counters.rendered_frames + counters.failed_frames;  // attempts so far
     control.rate_hz = viewer->request().max_rate_hz;
   }
   const auto first = controls.find(recipients.viewers.front().first.get());
