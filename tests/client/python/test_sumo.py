@@ -1,4 +1,4 @@
-"""The SUMO helper with the real SUMO. Left out where eclipse-sumo is not installed: it is 0.5 GB."""
+"""The SUMO helper with the real SUMO; `deploy/setup --sumo` installs it."""
 
 import os
 import subprocess
