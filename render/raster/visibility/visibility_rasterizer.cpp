@@ -25,6 +25,8 @@ constexpr std::uint32_t kMaxSidePx = 16384;
 constexpr int kTilePx = kTileSamples / 2;  // two samples a pixel and axis
 constexpr std::size_t kPixels = kTilePx * kTilePx;
 constexpr std::uint64_t kCellRefreshTriangles = 512;
+/// Instances seen in at least so many tiles have their triangles culled once for all of them.
+constexpr std::uint32_t kListTiles = 2;
 /// Shared figures whose triangles are smaller than this on the average have one colour for each.
 constexpr float kFlatTrianglePx2 = 1.5F;
 constexpr std::uint32_t kLeastShadowVertices = 96;
@@ -33,7 +35,7 @@ constexpr float kFlatFigurePx = 14.0F;  // of larger figures the difference show
 /// What a tile needs to know of a visible instance; they lie anywhere in memory, so one cache line.
 struct alignas(64) DrawnInstance {
   static constexpr std::uint32_t kShared = 1U << 31, kDoubleSided = 1U << 30, kClipped = 1U << 29,
-                                 kFlat = 1U << 28;
+                                 kFlat = 1U << 28, kListed = 1U << 27;
   static constexpr std::uint32_t kCharacter = 0xffff;
 
   std::uint16_t x_low, y_low, x_high, y_high;  // samples, inclusive; x_low > x_high: nothing
@@ -42,10 +44,20 @@ struct alignas(64) DrawnInstance {
   std::uint32_t first_block;
   std::uint32_t triangle_count;
   std::uint32_t first;  // corner of FrameGeometry::indices, or shared: triangle of LevelTable
-  std::uint32_t posed;  // x column of the posed mesh, shared only
-  std::uint16_t stride, vertex_count;
-  glm::vec3 feet_relative;
-  float cosine_scale, sine_scale, scale;
+  struct Shared {
+    std::uint32_t posed;  // x column of the posed mesh
+    std::uint16_t stride, vertex_count;
+    glm::vec3 feet_relative;
+    float cosine_scale, sine_scale, scale;
+  };
+  struct Listed {
+    std::uint32_t list;
+    TriangleList::Range small, large;
+  };
+  union {
+    Shared shared;  // kShared
+    Listed listed;  // kListed
+  };
 };
 static_assert(sizeof(DrawnInstance) == 64);
 
@@ -127,6 +139,8 @@ class VisibilityRasterizer final : public Rasterizer {
  private:
   absl::Status check(const FrameGeometry& geometry, const Viewport& viewport) const;
   void prepare(const FrameGeometry& geometry);
+  Footprint list_instance(const FrameGeometry& geometry, std::size_t i, const Footprint& vertices,
+                          unsigned worker);
   void project_shadows(const FrameGeometry& geometry, const SceneFrame& scene);
   absl::Status number_blocks(const FrameGeometry& geometry);
   void bin();
@@ -134,6 +148,8 @@ class VisibilityRasterizer final : public Rasterizer {
   void collect_facts(int tile_x_px, int tile_y_px, int width, int height, int picture_width,
                      const TilePlanes& planes) const;
   void prefetch(const FrameGeometry& geometry, const DrawnInstance& drawn) const;
+  InstanceTriangles own_triangles(const FrameGeometry& geometry, const DrawnInstance& drawn,
+                                  bool clipped) const;
   SharedTriangles shared_triangles(const FrameGeometry& geometry, const DrawnInstance& drawn) const;
   void draw_tile(const FrameGeometry& geometry, const SceneFrame& scene, const Viewport& viewport,
                  std::size_t tile, TileScratch& scratch, Picture& picture) const;
@@ -198,6 +214,7 @@ class VisibilityRasterizer final : public Rasterizer {
   std::size_t count_ = 0;  // V
   std::uint32_t tiles_x_ = 0, tiles_y_ = 0;
   Projected projected_;
+  std::vector<TriangleList> lists_;  // one a worker
   LevelTable levels_;
   std::vector<TriangleTone> tones_;            // by triangle of the levels
   std::vector<std::uint32_t> uv_;              // of all characters' vertices
@@ -254,6 +271,7 @@ RasterCounters VisibilityRasterizer::counters() const {
     add(projected->depth);
     add(projected->inverse_w);
   }
+  for (const TriangleList& list : lists_) sum.size_bytes += list.size_bytes();
   add(bins_.entries);
   add(bins_.next);
   add(blob_bins_.entries);
@@ -402,9 +420,15 @@ void VisibilityRasterizer::prepare(const FrameGeometry& geometry) {
   const std::size_t count = geometry.instances.size();
   projected_.resize(geometry.vertices.size());
   if (!geometry.shared.empty()) shared_shades_.resize(count);
-  constexpr std::size_t kChunk = 64;
-  pool_.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
+  lists_.resize(pool_.thread_count());
+  for (TriangleList& list : lists_) {
+    list.used = 0;
+    list.large.clear();
+  }
+  constexpr std::size_t kChunk = 32;
+  pool_.run((count + kChunk - 1) / kChunk, [&](std::size_t chunk, unsigned worker) {
+    const std::size_t end = std::min(count, (chunk + 1) * kChunk);
+    for (std::size_t i = chunk * kChunk; i < end; ++i) {
       const VisibleInstance& instance = geometry.instances[i];
       DrawnInstance& drawn = drawn_[i];
       drawn.flags = instance.character;
@@ -414,6 +438,15 @@ void VisibilityRasterizer::prepare(const FrameGeometry& geometry) {
         drawn.first = 3 * geometry.triangle_offset[i];
         f = project_vertices(grid_, geometry.vertices.data(), geometry.vertex_offset[i],
                              geometry.vertex_offset[i + 1], projected_);
+        const auto tiles = [](std::int32_t low, std::int32_t high) {
+          return low > high
+                     ? 0U
+                     : static_cast<std::uint32_t>(high / kTileSamples - low / kTileSamples) + 1U;
+        };
+        if (cutouts_[instance.character].flags == nullptr &&
+            (f.clipped || tiles(f.x_low, f.x_high) * tiles(f.y_low, f.y_high) >= kListTiles)) {
+          f = list_instance(geometry, i, f, worker);
+        }
         if (f.clipped) drawn.flags |= DrawnInstance::kClipped;
       } else {
         const SharedInstance& shared = geometry.shared[i];
@@ -421,19 +454,24 @@ void VisibilityRasterizer::prepare(const FrameGeometry& geometry) {
         const float* box = geometry.posed + shared.posed;
         drawn.flags |= DrawnInstance::kShared;
         drawn.first = level.first_triangle;
-        drawn.posed = shared.posed + kPosedHeader;
-        drawn.stride = static_cast<std::uint16_t>(shared.stride);
-        drawn.vertex_count = static_cast<std::uint16_t>(level.vertex_count);
-        drawn.feet_relative = instance.position_relative;
-        drawn.cosine_scale = shared.cosine_scale;
-        drawn.sine_scale = shared.sine_scale;
-        drawn.scale = instance.scale;
+        drawn.shared.posed = shared.posed + kPosedHeader;
+        drawn.shared.stride = static_cast<std::uint16_t>(shared.stride);
+        drawn.shared.vertex_count = static_cast<std::uint16_t>(level.vertex_count);
+        drawn.shared.feet_relative = instance.position_relative;
+        drawn.shared.cosine_scale = shared.cosine_scale;
+        drawn.shared.sine_scale = shared.sine_scale;
+        drawn.shared.scale = instance.scale;
         f = project_box(grid_, {box[0], box[1], box[2]}, {box[3], box[4], box[5]},
                         shared_triangles(geometry, drawn));
         const bool double_sided = (drawn.flags & DrawnInstance::kDoubleSided) != 0;
-        shared_shades_[i] = {
-            drawn.posed,      shared.stride, first_uv_[instance.character], 0, drawn.cosine_scale,
-            drawn.sine_scale, drawn.scale,   double_sided ? 1.0F : 0.0F};
+        shared_shades_[i] = {drawn.shared.posed,
+                             shared.stride,
+                             first_uv_[instance.character],
+                             0,
+                             drawn.shared.cosine_scale,
+                             drawn.shared.sine_scale,
+                             drawn.shared.scale,
+                             double_sided ? 1.0F : 0.0F};
         // a figure covers about a fifth of its height squared, with half of its triangles; who is
         // on which side of the limit is a little different for each
         const float triangle_px2 = 0.4F * shades_[i].size_px * shades_[i].size_px /
@@ -457,18 +495,47 @@ void VisibilityRasterizer::prepare(const FrameGeometry& geometry) {
   });
 }
 
+Footprint VisibilityRasterizer::list_instance(const FrameGeometry& geometry, std::size_t i,
+                                              const Footprint& vertices, unsigned worker) {
+  DrawnInstance& drawn = drawn_[i];
+  TriangleList& list = lists_[worker];
+  const auto first = static_cast<std::uint32_t>(list.used);
+  const auto first_large = static_cast<std::uint32_t>(list.large.size());
+  const InstanceTriangles triangles = own_triangles(geometry, drawn, vertices.clipped);
+  const Footprint footprint =
+      list_triangles(triangles, projected_, geometry.vertices.data(), grid_, list);
+  scratch_[worker]->counters.triangles += drawn.triangle_count;
+  drawn.flags |= DrawnInstance::kListed;
+  drawn.listed = {worker,
+                  {first, static_cast<std::uint32_t>(list.used) - first},
+                  {first_large, static_cast<std::uint32_t>(list.large.size()) - first_large}};
+  return footprint;
+}
+
+InstanceTriangles VisibilityRasterizer::own_triangles(const FrameGeometry& geometry,
+                                                      const DrawnInstance& drawn,
+                                                      bool clipped) const {
+  const Cutout& cutout = cutouts_[drawn.flags & DrawnInstance::kCharacter];
+  return {geometry.indices.data() + drawn.first,
+          drawn.triangle_count,
+          drawn.first_block,
+          (drawn.flags & DrawnInstance::kDoubleSided) != 0,
+          clipped,
+          cutout.flags != nullptr ? &cutout : nullptr};
+}
+
 SharedTriangles VisibilityRasterizer::shared_triangles(const FrameGeometry& geometry,
                                                        const DrawnInstance& drawn) const {
-  return {geometry.posed + drawn.posed,
-          drawn.stride,
-          drawn.vertex_count,
+  return {geometry.posed + drawn.shared.posed,
+          drawn.shared.stride,
+          drawn.shared.vertex_count,
           levels_.corners.data() + drawn.first,
           drawn.triangle_count,
           drawn.first_block,
-          drawn.feet_relative,
-          drawn.cosine_scale,
-          drawn.sine_scale,
-          drawn.scale,
+          drawn.shared.feet_relative,
+          drawn.shared.cosine_scale,
+          drawn.shared.sine_scale,
+          drawn.shared.scale,
           (drawn.flags & DrawnInstance::kDoubleSided) != 0};
 }
 
@@ -702,7 +769,7 @@ void VisibilityRasterizer::collect_items(int tile_x_px, int tile_y_px, int width
             // ids where nothing is are 0: a block that exists
             instance_of[k] = block_instance_[element::block_of(ids[places[k]])];
           }
-          background = 1.0F - 0.25F * static_cast<float>(__builtin_popcount(rest));
+          background = 1.0F - kPlaces[rest].weight;
           while (rest != 0) {
             const int first = __builtin_ctz(rest);
             unsigned same = 0;
@@ -816,10 +883,10 @@ void VisibilityRasterizer::prefetch(const FrameGeometry& geometry,
                                     const DrawnInstance& drawn) const {
   if ((drawn.flags & DrawnInstance::kShared) == 0) return;
   constexpr std::uint32_t kLine = 16;  // values of a cache line
-  const float* posed = geometry.posed + drawn.posed;
-  for (std::uint32_t k = 0; k < drawn.vertex_count; k += kLine) {
+  const float* posed = geometry.posed + drawn.shared.posed;
+  for (std::uint32_t k = 0; k < drawn.shared.vertex_count; k += kLine) {
     for (std::uint32_t column = 0; column < 3; ++column) {
-      __builtin_prefetch(posed + column * drawn.stride + k);
+      __builtin_prefetch(posed + column * drawn.shared.stride + k);
     }
   }
 }
@@ -861,16 +928,14 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
       if ((drawn.flags & DrawnInstance::kShared) != 0) {
         draw_shared(shared_triangles(geometry, drawn), grid_, tile_x, tile_y, scratch.shared,
                     scratch.planes, scratch.counters);
+      } else if ((drawn.flags & DrawnInstance::kListed) != 0) {
+        draw_listed(lists_[drawn.listed.list], drawn.listed.small, drawn.listed.large,
+                    drawn.first_block, (drawn.flags & DrawnInstance::kDoubleSided) != 0, tile_x,
+                    tile_y, scratch.planes, scratch.counters);
       } else {
-        const Cutout& cutout = cutouts_[drawn.flags & DrawnInstance::kCharacter];
-        const InstanceTriangles triangles{geometry.indices.data() + drawn.first,
-                                          drawn.triangle_count,
-                                          drawn.first_block,
-                                          (drawn.flags & DrawnInstance::kDoubleSided) != 0,
-                                          (drawn.flags & DrawnInstance::kClipped) != 0,
-                                          cutout.flags != nullptr ? &cutout : nullptr};
-        draw_instance(triangles, projected_, geometry.vertices.data(), grid_, tile_x, tile_y,
-                      scratch.planes, scratch.counters);
+        draw_instance(own_triangles(geometry, drawn, (drawn.flags & DrawnInstance::kClipped) != 0),
+                      projected_, geometry.vertices.data(), grid_, tile_x, tile_y, scratch.planes,
+                      scratch.counters);
       }
       ++scratch.counters.instances;
       since_refresh += drawn.triangle_count;
@@ -940,6 +1005,7 @@ absl::Status VisibilityRasterizer::draw(const FrameGeometry& geometry, const Cam
     tiles_y_ = (viewport.height_px + kTilePx - 1) / kTilePx;
     const SceneFrame scene = make_scene_frame(camera, viewport, origin_world, look);
     count_ = geometry.instances.size();
+    for (auto& one : scratch_) one->counters = {};
     if (count_ > 0) {
       if (absl::Status status = number_blocks(geometry); !status.ok()) return status;
       shade_instances(geometry, *cast_, scene, look, pool_, shades_, casters_);
@@ -964,7 +1030,6 @@ absl::Status VisibilityRasterizer::draw(const FrameGeometry& geometry, const Cam
         facts_->bounds[i] = {drawn.x_low / 2, drawn.y_low / 2, drawn.x_high / 2, drawn.y_high / 2};
       }
     }
-    for (auto& one : scratch_) one->counters = {};
     pool_.run(std::size_t{tiles_x_} * tiles_y_, [&](std::size_t tile, unsigned worker) {
       draw_tile(geometry, scene, viewport, tile, *scratch_[worker], picture);
     });

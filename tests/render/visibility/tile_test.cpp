@@ -43,6 +43,20 @@ std::unique_ptr<TilePlanes> drawn(const Mesh& mesh, int tile_x, int tile_y,
   return planes;
 }
 
+/// The same by way of a list for a picture of 1280 x 720 samples.
+std::unique_ptr<TilePlanes> list_drawn(const Mesh& mesh, int tile_x, int tile_y,
+                                       bool double_sided) {
+  auto planes = std::make_unique<TilePlanes>();
+  clear_tile(*planes);
+  TileCounters counters;
+  TriangleList list;
+  list_triangles(mesh.triangles(double_sided), mesh.projected, nullptr, {{}, 1280, 720}, list);
+  draw_listed(list, {0, static_cast<std::uint32_t>(list.used)},
+              {0, static_cast<std::uint32_t>(list.large.size())}, 5, double_sided, tile_x, tile_y,
+              *planes, counters);
+  return planes;
+}
+
 /// The plainest rasterizer: every sample of every triangle, 64-bit edge functions, top-left rule.
 std::unique_ptr<TilePlanes> plainly_drawn(const Mesh& mesh, int tile_x, int tile_y,
                                           bool double_sided) {
@@ -145,9 +159,11 @@ TEST(TileTest, CoversTheSamplesOfThePlainestRasterizer) {
            {60, 300, 1500, 9000, 40'000, 1'000'000, element::kGuardUnits - 100'000}) {
         const Mesh mesh =
             random_mesh(static_cast<std::uint32_t>(size), size > 9000 ? 60 : 400, size, 640, 320);
-        EXPECT_TRUE(same_planes(*drawn(mesh, 640, 320, double_sided),
-                                *plainly_drawn(mesh, 640, 320, double_sided)))
+        const auto plain = plainly_drawn(mesh, 640, 320, double_sided);
+        EXPECT_TRUE(same_planes(*drawn(mesh, 640, 320, double_sided), *plain))
             << target << ", triangles of up to " << size << " sub-units";
+        EXPECT_TRUE(same_planes(*list_drawn(mesh, 640, 320, double_sided), *plain))
+            << target << ", listed triangles of up to " << size << " sub-units";
       }
     }
   });
@@ -249,6 +265,69 @@ TEST(TileTest, ProjectionGivesTheSameBytesOnEveryTarget) {
       ASSERT_EQ(projected.depth[i], reference.depth[i]) << target << " vertex " << i;
     }
   });
+}
+
+TEST(TileTest, ListedInstanceIsDrawnAsInEachTile) {
+  // around the eye: triangles of all sizes, many of them cut or behind
+  const Camera camera{.eye_world = {0, 0, 0}, .target_world = {0, 1, 0}};
+  const SampleGrid grid{clip_from_relative(camera, {640, 360}), 1280, 720};
+  std::mt19937 random(8);
+  std::normal_distribution<float> normal;
+  for (const float size : {0.02F, 0.3F, 4.0F}) {
+    std::vector<BatchVertex> vertices;
+    std::vector<std::uint32_t> indices;
+    for (std::uint32_t i = 0; i < 1200; ++i) {
+      const glm::vec3 centre =
+          i % 3 == 0 ? glm::vec3(normal(random), 1.0F + 2.0F * normal(random), normal(random))
+                     : vertices[i - i % 3].position_relative;
+      vertices.push_back({});
+      vertices.back().position_relative =
+          centre + size * glm::vec3(normal(random), normal(random), normal(random));
+      indices.push_back(i);
+    }
+    Projected projected;
+    projected.resize(vertices.size());
+    const Footprint whole = project_vertices(grid, vertices.data(), 0, vertices.size(), projected);
+    ASSERT_TRUE(whole.clipped);
+    const InstanceTriangles triangles{indices.data(), 400, 5, size > 1.0F, true};
+    auto expected = std::make_unique<TilePlanes>(), planes = std::make_unique<TilePlanes>();
+    TileCounters counters;
+    for_each_target([&](const char* target) {
+      TriangleList list;
+      const Footprint footprint = list_triangles(triangles, projected, vertices.data(), grid, list);
+      EXPECT_FALSE(footprint.clipped);
+      float nearest = 0.0F;
+      for (int tile_y = 0; tile_y < 720; tile_y += kTileSamples) {
+        for (int tile_x = 0; tile_x < 1280; tile_x += kTileSamples) {
+          clear_tile(*expected);
+          clear_tile(*planes);
+          draw_instance(triangles, projected, vertices.data(), grid, tile_x, tile_y, *expected,
+                        counters);
+          const bool is_near =
+              footprint.x_low < tile_x + kTileSamples && footprint.x_high >= tile_x &&
+              footprint.y_low < tile_y + kTileSamples && footprint.y_high >= tile_y;
+          if (is_near) {
+            draw_listed(list, {0, static_cast<std::uint32_t>(list.used)},
+                        {0, static_cast<std::uint32_t>(list.large.size())}, 5,
+                        triangles.double_sided, tile_x, tile_y, *planes, counters);
+          }
+          // the last row of tiles reaches beyond the picture, where a list has nothing
+          const int rows = std::min(kTileSamples, grid.height - tile_y);
+          for (int y = 0; y < rows; ++y) {
+            for (int x = 0; x < kTileSamples; ++x) {
+              const std::size_t at = sample_index(x, y);
+              ASSERT_EQ(planes->id[at], expected->id[at])
+                  << target << ", " << tile_x + x << ", " << tile_y + y;
+              ASSERT_EQ(planes->depth[at], expected->depth[at]) << target;
+              nearest = std::max(nearest, expected->depth[at]);
+            }
+          }
+        }
+      }
+      EXPECT_GT(nearest, 0.0F);
+      EXPECT_LE(nearest, footprint.depth_high);
+    });
+  }
 }
 
 TEST(TileTest, SharedMeshIsDrawnAsItsOwnVertices) {

@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <hwy/highway.h>
+
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -73,6 +75,31 @@ TEST(VisibilityRasterizerTest, NumberOfThreadsDoesNotMatter) {
   for (const unsigned threads : {2U, 7U}) {
     EXPECT_EQ(one.rgbx, rendered(cast, crowd, RasterKind::kVisibility, threads, view).rgbx)
         << threads;
+  }
+}
+
+TEST(VisibilityRasterizerTest, InstructionSetDoesNotMatter) {
+  // from figures that are cut at the near plane to ones of a few pixels
+  const auto cast = tiny_cast();
+  Crowd crowd(cast, {});
+  push_rows(crowd, 30, 60, 0.8F);
+  ViewSettings view = looking_north(333, 217);
+  view.camera.eye_world = {0.2, 0.5, 1.6};
+  std::vector<std::uint8_t> first;
+  for (const PoseMode mode : {PoseMode::kShared, PoseMode::kExact}) {
+    view.pose_mode = mode;
+    first.clear();
+    const std::int64_t all = hwy::SupportedTargets();
+    for (std::int64_t rest = all; rest != 0; rest &= rest - 1) {
+      const std::int64_t target = rest & -rest;
+      hwy::SetSupportedTargetsForTest(target);
+      hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+      const Picture picture = rendered(cast, crowd, RasterKind::kVisibility, 2, view);
+      if (first.empty()) first = picture.rgbx;
+      EXPECT_EQ(picture.rgbx, first) << hwy::TargetName(target);
+    }
+    hwy::SetSupportedTargetsForTest(0);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
   }
 }
 

@@ -72,6 +72,38 @@ struct InstanceTriangles {
   const Cutout* cutout = nullptr;  // null: no triangle has holes
 };
 
+/// Triangles that may cover a sample of the picture, culled once for all the tiles they are seen
+/// in. Grows only; `used` of them count. Places are absolute, in sub-units.
+struct TriangleList {
+  struct Range {
+    std::uint32_t first, count;
+  };
+  /// Corner 0, and the steps from it to corners 1 and 2 (x in the low half).
+  struct Place {
+    std::int32_t x0, y0;
+    std::uint32_t step1, step2;
+  };
+  struct Depths {
+    float z[3];
+    std::uint32_t triangle;
+  };
+  /// Of any size; of the one that was cut at the near plane when there are several.
+  struct Large {
+    std::int32_t x[3], y[3];
+    float depth[3];
+    std::uint32_t triangle;
+  };
+  std::vector<std::uint32_t> low, high;  // the samples' box: x in the low half, inclusive
+  std::vector<Place> places;
+  std::vector<Depths> depths;
+  std::size_t used = 0;
+  std::vector<Large> large;
+  std::size_t size_bytes() const {
+    return low.capacity() * (2 * sizeof(std::uint32_t) + sizeof(Place) + sizeof(Depths)) +
+           large.capacity() * sizeof(Large);
+  }
+};
+
 /// Corners a posed mesh of the largest level has, and room for whole vectors.
 inline constexpr std::size_t kMostShared = 1024 + 16;
 
@@ -116,6 +148,16 @@ void clear_tile(TilePlanes& planes);
 void draw_instance(const InstanceTriangles& triangles, const Projected& projected,
                    const BatchVertex* vertices, const SampleGrid& grid, int tile_x, int tile_y,
                    TilePlanes& planes, TileCounters& counters);
+
+/// Appends the triangles of an instance without cut-outs that may cover a sample of the picture.
+/// Returns the instance's footprint by them: no larger than by its vertices.
+Footprint list_triangles(const InstanceTriangles& triangles, const Projected& projected,
+                         const BatchVertex* vertices, const SampleGrid& grid, TriangleList& list);
+
+/// As draw_instance, of triangles [small.first, ...) and large ones [large.first, ...) of a list.
+void draw_listed(const TriangleList& list, TriangleList::Range small, TriangleList::Range large,
+                 std::uint32_t first_block, bool double_sided, int tile_x, int tile_y,
+                 TilePlanes& planes, TileCounters& counters);
 
 /// As draw_instance, of an agent wholly between the near and the far plane.
 void draw_shared(const SharedTriangles& triangles, const SampleGrid& grid, int tile_x, int tile_y,

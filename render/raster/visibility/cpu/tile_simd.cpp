@@ -311,30 +311,38 @@ void DrawCutout(const Cutout& cutout, SnappedVertex v[3], const glm::vec2 uv_cor
   }
 }
 
-HWY_NOINLINE void DrawSpecial(const InstanceTriangles& triangles, std::uint32_t t, std::uint32_t id,
-                              const Projected& projected, const BatchVertex* vertices,
-                              const SampleGrid& grid, int tile_x, int tile_y, TilePlanes& planes,
-                              TileCounters& counters) {
+/// What is left of a triangle in front of the near plane; `clip`: whether it was cut.
+int PolygonOf(const InstanceTriangles& triangles, std::uint32_t t, const Projected& projected,
+              const BatchVertex* vertices, const SampleGrid& grid,
+              SnappedVertex polygon[kMaxClippedCorners], bool& clip) {
   const std::uint32_t* corner = triangles.indices + 3 * std::size_t{t};
-  SnappedVertex polygon[kMaxClippedCorners];
-  int count = 3;
-  bool clip = false;
+  clip = false;
   for (int k = 0; k < 3; ++k) {
     const std::uint32_t v = corner[k];
     if (projected.x[v] == kNeedsClip) clip = true;
     polygon[k] = {projected.x[v], projected.y[v], projected.depth[v], projected.inverse_w[v]};
   }
-  if (clip) {
-    glm::vec4 clip_space[3];
-    for (int k = 0; k < 3; ++k) {
-      clip_space[k] = to_clip(grid.clip_from_relative, vertices[corner[k]].position_relative);
-    }
-    count = clip_triangle(grid, clip_space, polygon);
+  if (!clip) return 3;
+  glm::vec4 clip_space[3];
+  for (int k = 0; k < 3; ++k) {
+    clip_space[k] = to_clip(grid.clip_from_relative, vertices[corner[k]].position_relative);
   }
+  return clip_triangle(grid, clip_space, polygon);
+}
+
+HWY_NOINLINE void DrawSpecial(const InstanceTriangles& triangles, std::uint32_t t, std::uint32_t id,
+                              const Projected& projected, const BatchVertex* vertices,
+                              const SampleGrid& grid, int tile_x, int tile_y, TilePlanes& planes,
+                              TileCounters& counters) {
+  SnappedVertex polygon[kMaxClippedCorners];
+  bool clip = false;
+  const int count = PolygonOf(triangles, t, projected, vertices, grid, polygon, clip);
   if (triangles.cutout != nullptr && !clip &&
       (triangles.cutout->flags[t] & kTriangleAlphaCutout) != 0) {
     glm::vec2 uv[3];
-    for (int k = 0; k < 3; ++k) uv[k] = glm::vec2(vertices[corner[k]].uv) / 65535.0F;
+    for (int k = 0; k < 3; ++k) {
+      uv[k] = glm::vec2(vertices[triangles.indices[3 * std::size_t{t} + k]].uv) / 65535.0F;
+    }
     DrawCutout(*triangles.cutout, polygon, uv, id, triangles.double_sided, tile_x, tile_y, planes,
                counters);
     return;
@@ -364,20 +372,20 @@ struct Survivors {
   std::size_t count = 0;
 };
 
-/// The samples of the tile between a triangle's outermost corners.
+/// The samples between a triangle's outermost corners, within [0, last].
 struct Box {
   Int x_low, y_low, x_high, y_high;
 };
 
-HWY_INLINE Box BoxOf(Int x_min, Int y_min, Int x_max, Int y_max) {
+HWY_INLINE Box BoxOf(Int x_min, Int y_min, Int x_max, Int y_max, Int last_x, Int last_y) {
   const IntTag di;
   constexpr std::int32_t kHalf = element::kSubUnit / 2;
-  const auto zero = hn::Zero(di), last = hn::Set(di, kTileSamples - 1);
+  const auto zero = hn::Zero(di);
   const auto up = hn::Set(di, kHalf - 1), half = hn::Set(di, kHalf);
   return {hn::Max(zero, hn::ShiftRight<element::kSubBits>(hn::Add(x_min, up))),
           hn::Max(zero, hn::ShiftRight<element::kSubBits>(hn::Add(y_min, up))),
-          hn::Min(last, hn::ShiftRight<element::kSubBits>(hn::Sub(x_max, half))),
-          hn::Min(last, hn::ShiftRight<element::kSubBits>(hn::Sub(y_max, half)))};
+          hn::Min(last_x, hn::ShiftRight<element::kSubBits>(hn::Sub(x_max, half))),
+          hn::Min(last_y, hn::ShiftRight<element::kSubBits>(hn::Sub(y_max, half)))};
 }
 
 /// A few samples of one triangle a lane, at the same steps from each triangle's first sample.
@@ -455,7 +463,7 @@ HWY_INLINE void DrawSmall(const SmallTriangles& s, Mask alive, TilePlanes& plane
 }
 
 /// Sets up and draws survivors [from, from + lanes), of which the first `valid` count.
-/// @param depths  by vertex number.
+/// @param depths  by vertex number; null: columns v0 to v2 are depths.
 HWY_NOINLINE void DrawSurvivors(const Survivors& survivors, std::size_t from, std::size_t valid,
                                 const float* depths, std::uint32_t first_id, TilePlanes& planes) {
   const FloatTag df;
@@ -470,8 +478,9 @@ HWY_NOINLINE void DrawSurvivors(const Survivors& survivors, std::size_t from, st
   const auto x0 = column(survivors.x0), y0 = column(survivors.y0);
   const auto x1 = column(survivors.x1), y1 = column(survivors.y1);
   const auto x2 = column(survivors.x2), y2 = column(survivors.y2);
+  const auto last = hn::Set(di, kTileSamples - 1);
   const Box box = BoxOf(hn::Min(x0, hn::Min(x1, x2)), hn::Min(y0, hn::Min(y1, y2)),
-                        hn::Max(x0, hn::Max(x1, x2)), hn::Max(y0, hn::Max(y1, y2)));
+                        hn::Max(x0, hn::Max(x1, x2)), hn::Max(y0, hn::Max(y1, y2)), last, last);
   const auto area =
       hn::Sub(hn::Mul(hn::Sub(x2, x0), hn::Sub(y1, y0)), hn::Mul(hn::Sub(x1, x0), hn::Sub(y2, y0)));
   SmallTriangles s;
@@ -496,9 +505,12 @@ HWY_NOINLINE void DrawSurvivors(const Survivors& survivors, std::size_t from, st
   s.height = hn::Sub(box.y_high, box.y_low);
   s.vx = x0;
   s.vy = y0;
-  const auto z0 = hn::GatherIndex(df, depths, column(survivors.v0));
-  const auto z1 = hn::GatherIndex(df, depths, column(survivors.v1));
-  const auto z2 = hn::GatherIndex(df, depths, column(survivors.v2));
+  const auto depth_of = [&](Int v) HWY_ATTR {
+    return depths == nullptr ? hn::BitCast(df, v) : hn::GatherIndex(df, depths, v);
+  };
+  const auto z0 = depth_of(column(survivors.v0));
+  const auto z1 = depth_of(column(survivors.v1));
+  const auto z2 = depth_of(column(survivors.v2));
   const auto inverse = hn::Div(hn::Set(df, 1.0F), hn::ConvertTo(df, area));
   const auto ux = hn::ConvertTo(df, hn::Sub(x1, x0)), uy = hn::ConvertTo(df, hn::Sub(y1, y0));
   const auto vx = hn::ConvertTo(df, hn::Sub(x2, x0)), vy = hn::ConvertTo(df, hn::Sub(y2, y0));
@@ -571,8 +583,8 @@ HWY_NOINLINE void DrawSurvivors(const Survivors& survivors, std::size_t from, st
 /// Takes one vector of triangles, of which the first `batch` count, to the survivors. Returns the
 /// lanes that need DrawSpecial: sides too long for 32-bit products.
 HWY_INLINE std::uint32_t Cull(Corners c, std::uint32_t first_triangle, std::size_t batch,
-                              std::uint32_t special_lanes, bool double_sided,
-                              Survivors& survivors) {
+                              std::uint32_t special_lanes, bool double_sided, Int last_x,
+                              Int last_y, Survivors& survivors) {
   const IntTag di;
   const auto zero = hn::Zero(di);
   const auto small = hn::Set(di, element::kSmallUnits - 1);
@@ -580,7 +592,7 @@ HWY_INLINE std::uint32_t Cull(Corners c, std::uint32_t first_triangle, std::size
   const auto x_max = hn::Max(c.x0, hn::Max(c.x1, c.x2));
   const auto y_min = hn::Min(c.y0, hn::Min(c.y1, c.y2));
   const auto y_max = hn::Max(c.y0, hn::Max(c.y1, c.y2));
-  const Box box = BoxOf(x_min, y_min, x_max, y_max);
+  const Box box = BoxOf(x_min, y_min, x_max, y_max, last_x, last_y);
   auto alive = hn::Not(hn::Or(hn::Gt(box.x_low, box.x_high), hn::Gt(box.y_low, box.y_high)));
   const auto is_large = hn::And(
       alive, hn::Or(hn::Gt(hn::Sub(x_max, x_min), small), hn::Gt(hn::Sub(y_max, y_min), small)));
@@ -653,63 +665,70 @@ HWY_INLINE void DrawRest(Survivors& survivors, const float* depths, std::uint32_
   DrawSurvivors(survivors, 0, survivors.count, depths, first_id, planes);
 }
 
+/// Corners of triangles [t, t + lanes), of which the first `batch` count, from sub-units
+/// (corner_x, corner_y). Lanes that Cull must not take are set in `special`.
+HWY_INLINE Corners LoadCorners(const InstanceTriangles& triangles, const Projected& projected,
+                               std::uint32_t t, std::size_t batch, Int corner_x, Int corner_y,
+                               std::uint32_t& special) {
+  const IntTag di;
+  const std::size_t lanes = hn::Lanes(di);
+  const std::int32_t* xs = projected.x.data();
+  const std::int32_t* ys = projected.y.data();
+  const auto* source =
+      reinterpret_cast<const std::int32_t*>(triangles.indices) + 3 * std::size_t{t};
+  HWY_ALIGN std::int32_t tail[3 * kMaxLanes];
+  if (batch < lanes) {  // repeats its last triangle
+    for (std::size_t lane = 0; lane < lanes; ++lane) {
+      std::memcpy(tail + 3 * lane, source + 3 * std::min(lane, batch - 1), 3 * sizeof(*tail));
+    }
+    source = tail;
+  }
+  Corners c;
+  hn::LoadInterleaved3(di, source, c.v0, c.v1, c.v2);
+  c.x0 = hn::GatherIndex(di, xs, c.v0);
+  c.x1 = hn::GatherIndex(di, xs, c.v1);
+  c.x2 = hn::GatherIndex(di, xs, c.v2);
+  special = 0;
+  if (triangles.clipped) {
+    const auto needs_clip = hn::Set(di, kNeedsClip);
+    const auto clip = hn::Or(hn::Eq(c.x0, needs_clip),
+                             hn::Or(hn::Eq(c.x1, needs_clip), hn::Eq(c.x2, needs_clip)));
+    std::uint8_t bits[8] = {};
+    hn::StoreMaskBits(di, clip, bits);
+    special = static_cast<std::uint32_t>(bits[0]) | static_cast<std::uint32_t>(bits[1]) << 8;
+  }
+  if (triangles.cutout != nullptr) {
+    for (std::size_t lane = 0; lane < batch; ++lane) {
+      if ((triangles.cutout->flags[t + lane] & kTriangleAlphaCutout) != 0) special |= 1U << lane;
+    }
+  }
+  c.x0 = hn::Sub(c.x0, corner_x);
+  c.x1 = hn::Sub(c.x1, corner_x);
+  c.x2 = hn::Sub(c.x2, corner_x);
+  c.y0 = hn::Sub(hn::GatherIndex(di, ys, c.v0), corner_y);
+  c.y1 = hn::Sub(hn::GatherIndex(di, ys, c.v1), corner_y);
+  c.y2 = hn::Sub(hn::GatherIndex(di, ys, c.v2), corner_y);
+  return c;
+}
+
 void DrawInstance(const InstanceTriangles& triangles, const Projected& projected,
                   const BatchVertex* vertices, const SampleGrid& grid, int tile_x, int tile_y,
                   TilePlanes& planes, TileCounters& counters) {
   const IntTag di;
-  const UintTag du;
   const std::size_t lanes = hn::Lanes(di);
   const auto corner_x = hn::Set(di, tile_x * element::kSubUnit);
   const auto corner_y = hn::Set(di, tile_y * element::kSubUnit);
-  HWY_ALIGN std::uint32_t index[3][kMaxLanes];
+  const auto last = hn::Set(di, kTileSamples - 1);
   Survivors survivors;
   counters.triangles += triangles.count;
   const std::uint32_t first_id =
       element::sample_id(element::SampleClass::kMesh, triangles.first_block, 0);
   static_assert(element::kBlockTriangles == 128, "the triangle's number runs on into the block's");
-  const std::int32_t* xs = projected.x.data();
-  const std::int32_t* ys = projected.y.data();
   for (std::uint32_t t = 0; t < triangles.count; t += static_cast<std::uint32_t>(lanes)) {
     const std::size_t batch = std::min<std::size_t>(lanes, triangles.count - t);
-    Corners c;
-    if (batch == lanes) {
-      const auto* source =
-          reinterpret_cast<const std::int32_t*>(triangles.indices) + 3 * std::size_t{t};
-      hn::LoadInterleaved3(di, source, c.v0, c.v1, c.v2);
-    } else {
-      // the tail repeats its last triangle
-      for (std::size_t lane = 0; lane < lanes; ++lane) {
-        const std::size_t from = 3 * (std::size_t{t} + std::min(lane, batch - 1));
-        for (std::size_t k = 0; k < 3; ++k) index[k][lane] = triangles.indices[from + k];
-      }
-      c.v0 = hn::BitCast(di, hn::Load(du, index[0]));
-      c.v1 = hn::BitCast(di, hn::Load(du, index[1]));
-      c.v2 = hn::BitCast(di, hn::Load(du, index[2]));
-    }
-    c.x0 = hn::GatherIndex(di, xs, c.v0);
-    c.x1 = hn::GatherIndex(di, xs, c.v1);
-    c.x2 = hn::GatherIndex(di, xs, c.v2);
     std::uint32_t special = 0;
-    if (triangles.clipped) {
-      const auto needs_clip = hn::Set(di, kNeedsClip);
-      const auto clip = hn::Or(hn::Eq(c.x0, needs_clip),
-                               hn::Or(hn::Eq(c.x1, needs_clip), hn::Eq(c.x2, needs_clip)));
-      std::uint8_t bits[8] = {};
-      hn::StoreMaskBits(di, clip, bits);
-      special = static_cast<std::uint32_t>(bits[0]) | static_cast<std::uint32_t>(bits[1]) << 8;
-    }
-    if (triangles.cutout != nullptr) {
-      for (std::size_t lane = 0; lane < batch; ++lane) {
-        if ((triangles.cutout->flags[t + lane] & kTriangleAlphaCutout) != 0) special |= 1U << lane;
-      }
-    }
-    c.x0 = hn::Sub(c.x0, corner_x);
-    c.x1 = hn::Sub(c.x1, corner_x);
-    c.x2 = hn::Sub(c.x2, corner_x);
-    c.y0 = hn::Sub(hn::GatherIndex(di, ys, c.v0), corner_y);
-    c.y1 = hn::Sub(hn::GatherIndex(di, ys, c.v1), corner_y);
-    c.y2 = hn::Sub(hn::GatherIndex(di, ys, c.v2), corner_y);
-    special = Cull(c, t, batch, special, triangles.double_sided, survivors);
+    const Corners c = LoadCorners(triangles, projected, t, batch, corner_x, corner_y, special);
+    special = Cull(c, t, batch, special, triangles.double_sided, last, last, survivors);
     if (survivors.count >= lanes) {
       survivors.count -= lanes;
       counters.surviving += lanes;
@@ -722,6 +741,204 @@ void DrawInstance(const InstanceTriangles& triangles, const Projected& projected
     }
   }
   DrawRest(survivors, projected.depth.data(), first_id, planes, counters);
+}
+
+/// Appends survivors [from, from + lanes), of which the first `valid` count.
+HWY_NOINLINE void ListSurvivors(const Survivors& survivors, std::size_t from, std::size_t valid,
+                                const float* depths, Int last_x, Int last_y, TriangleList& list,
+                                Footprint& footprint) {
+  const FloatTag df;
+  const IntTag di;
+  const UintTag du;
+  const auto column = [&](const std::int32_t* values)
+                          HWY_ATTR { return hn::LoadU(di, values + from); };
+  const auto x0 = column(survivors.x0), y0 = column(survivors.y0);
+  const auto x1 = column(survivors.x1), y1 = column(survivors.y1);
+  const auto x2 = column(survivors.x2), y2 = column(survivors.y2);
+  const Box box = BoxOf(hn::Min(x0, hn::Min(x1, x2)), hn::Min(y0, hn::Min(y1, y2)),
+                        hn::Max(x0, hn::Max(x1, x2)), hn::Max(y0, hn::Max(y1, y2)), last_x, last_y);
+  const std::size_t lanes = hn::Lanes(di), at = list.used;
+  if (list.low.size() < at + 2 * lanes) {  // so that whole vectors may be read
+    const std::size_t size = std::max<std::size_t>(4096, 2 * at);
+    list.low.resize(size);
+    list.high.resize(size);
+    list.places.resize(size);
+    list.depths.resize(size);
+  }
+  const auto pair = [&](Int a, Int b) HWY_ATTR {
+    return hn::Or(hn::And(a, hn::Set(di, 0xffff)), hn::ShiftLeft<16>(b));
+  };
+  hn::StoreU(hn::BitCast(du, pair(box.x_low, box.y_low)), du, list.low.data() + at);
+  hn::StoreU(hn::BitCast(du, pair(box.x_high, box.y_high)), du, list.high.data() + at);
+  hn::StoreInterleaved4(x0, y0, pair(hn::Sub(x1, x0), hn::Sub(y1, y0)),
+                        pair(hn::Sub(x2, x0), hn::Sub(y2, y0)), di,
+                        reinterpret_cast<std::int32_t*>(list.places.data() + at));
+  const auto z0 = hn::GatherIndex(df, depths, column(survivors.v0));
+  const auto z1 = hn::GatherIndex(df, depths, column(survivors.v1));
+  const auto z2 = hn::GatherIndex(df, depths, column(survivors.v2));
+  hn::StoreInterleaved4(z0, z1, z2, hn::BitCast(df, column(survivors.triangle)), df,
+                        reinterpret_cast<float*>(list.depths.data() + at));
+  list.used += valid;
+  const auto counts = hn::FirstN(di, valid);
+  const auto least = [&](Int v) HWY_ATTR {
+    return hn::GetLane(hn::MinOfLanes(di, hn::IfThenElse(counts, v, hn::Set(di, INT32_MAX))));
+  };
+  const auto most = [&](Int v) HWY_ATTR {
+    return hn::GetLane(hn::MaxOfLanes(di, hn::IfThenElse(counts, v, hn::Set(di, -1))));
+  };
+  footprint.x_low = std::min(footprint.x_low, least(box.x_low));
+  footprint.y_low = std::min(footprint.y_low, least(box.y_low));
+  footprint.x_high = std::max(footprint.x_high, most(box.x_high));
+  footprint.y_high = std::max(footprint.y_high, most(box.y_high));
+  const auto nearest = hn::Max(z0, hn::Max(z1, z2));
+  footprint.depth_high = std::max(
+      footprint.depth_high,
+      hn::GetLane(hn::MaxOfLanes(df, hn::IfThenElseZero(hn::RebindMask(df, counts), nearest))));
+}
+
+/// Appends a triangle that Cull would not take, cut at the near plane if need be.
+HWY_NOINLINE void ListLarge(const InstanceTriangles& triangles, std::uint32_t t,
+                            const Projected& projected, const BatchVertex* vertices,
+                            const SampleGrid& grid, TriangleList& list, Footprint& footprint) {
+  SnappedVertex polygon[kMaxClippedCorners];
+  bool clip = false;
+  const int count = PolygonOf(triangles, t, projected, vertices, grid, polygon, clip);
+  constexpr std::int32_t kHalf = element::kSubUnit / 2;
+  for (int k = 1; k + 1 < count; ++k) {
+    const SnappedVertex v[3] = {polygon[0], polygon[k], polygon[k + 1]};
+    const std::int32_t x_low =
+        std::max(0, (std::min({v[0].x, v[1].x, v[2].x}) + kHalf - 1) >> element::kSubBits);
+    const std::int32_t y_low =
+        std::max(0, (std::min({v[0].y, v[1].y, v[2].y}) + kHalf - 1) >> element::kSubBits);
+    const std::int32_t x_high =
+        std::min(grid.width - 1, (std::max({v[0].x, v[1].x, v[2].x}) - kHalf) >> element::kSubBits);
+    const std::int32_t y_high = std::min(
+        grid.height - 1, (std::max({v[0].y, v[1].y, v[2].y}) - kHalf) >> element::kSubBits);
+    const std::int64_t area = element::doubled_area(v[0].x, v[0].y, v[1].x, v[1].y, v[2].x, v[2].y);
+    if (x_low > x_high || y_low > y_high || area == 0 || (area < 0 && !triangles.double_sided)) {
+      continue;
+    }
+    list.large.push_back({{v[0].x, v[1].x, v[2].x},
+                          {v[0].y, v[1].y, v[2].y},
+                          {v[0].depth, v[1].depth, v[2].depth},
+                          t});
+    footprint.x_low = std::min(footprint.x_low, x_low);
+    footprint.y_low = std::min(footprint.y_low, y_low);
+    footprint.x_high = std::max(footprint.x_high, x_high);
+    footprint.y_high = std::max(footprint.y_high, y_high);
+    footprint.depth_high = std::max({footprint.depth_high, v[0].depth, v[1].depth, v[2].depth});
+  }
+}
+
+Footprint ListTriangles(const InstanceTriangles& triangles, const Projected& projected,
+                        const BatchVertex* vertices, const SampleGrid& grid, TriangleList& list) {
+  const IntTag di;
+  const std::size_t lanes = hn::Lanes(di);
+  const auto zero = hn::Zero(di);
+  const auto last_x = hn::Set(di, grid.width - 1), last_y = hn::Set(di, grid.height - 1);
+  const float* depths = projected.depth.data();
+  Footprint footprint{INT32_MAX, INT32_MAX, -1, -1, 0.0F, false};
+  Survivors survivors;
+  for (std::uint32_t t = 0; t < triangles.count; t += static_cast<std::uint32_t>(lanes)) {
+    const std::size_t batch = std::min<std::size_t>(lanes, triangles.count - t);
+    std::uint32_t special = 0;
+    const Corners c = LoadCorners(triangles, projected, t, batch, zero, zero, special);
+    special = Cull(c, t, batch, special, triangles.double_sided, last_x, last_y, survivors);
+    if (survivors.count >= lanes) {
+      survivors.count -= lanes;
+      ListSurvivors(survivors, survivors.count, lanes, depths, last_x, last_y, list, footprint);
+    }
+    for (; special != 0; special &= special - 1) {
+      ListLarge(triangles, t + static_cast<std::uint32_t>(__builtin_ctz(special)), projected,
+                vertices, grid, list, footprint);
+    }
+  }
+  if (survivors.count > 0) {
+    for (std::size_t i = survivors.count; i < lanes; ++i) {
+      survivors.v0[i] = survivors.v1[i] = survivors.v2[i] = survivors.v0[0];
+      survivors.x0[i] = survivors.x1[i] = survivors.x2[i] = 0;
+      survivors.y0[i] = survivors.y1[i] = survivors.y2[i] = 0;
+    }
+    ListSurvivors(survivors, 0, survivors.count, depths, last_x, last_y, list, footprint);
+  }
+  return footprint;
+}
+
+void DrawListed(const TriangleList& list, TriangleList::Range small, TriangleList::Range large,
+                std::uint32_t first_block, bool double_sided, int tile_x, int tile_y,
+                TilePlanes& planes, TileCounters& counters) {
+  const IntTag di;
+  const UintTag du;
+  const std::size_t lanes = hn::Lanes(di);
+  const std::uint32_t first_id = element::sample_id(element::SampleClass::kMesh, first_block, 0);
+  // two comparisons of 15 bits in one subtraction: a top bit that is set stays where a >= b
+  const auto tops = hn::Set(du, 0x80008000U);
+  const auto both = [&](int x, int y) HWY_ATTR {
+    return hn::Set(du, static_cast<std::uint32_t>(x) | static_cast<std::uint32_t>(y) << 16);
+  };
+  const auto tile_low = both(tile_x, tile_y);
+  const auto tile_high = hn::Or(both(tile_x + kTileSamples - 1, tile_y + kTileSamples - 1), tops);
+  const auto corner_x = hn::Set(di, tile_x * element::kSubUnit);
+  const auto corner_y = hn::Set(di, tile_y * element::kSubUnit);
+  HWY_ALIGN std::uint32_t chosen[2 * kMaxLanes];
+  HWY_ALIGN TriangleList::Place places[kMaxLanes];
+  HWY_ALIGN TriangleList::Depths depths[kMaxLanes];
+  Survivors columns;
+  std::size_t pending = 0;
+  const auto draw = [&](std::size_t from, std::size_t valid) HWY_ATTR {
+    for (std::size_t lane = 0; lane < lanes; ++lane) {
+      const std::uint32_t i = chosen[from + std::min(lane, valid - 1)];
+      places[lane] = list.places[i];
+      depths[lane] = list.depths[i];
+    }
+    Int x0, y0, step1, step2, z0, z1, z2, triangle;
+    hn::LoadInterleaved4(di, reinterpret_cast<const std::int32_t*>(places), x0, y0, step1, step2);
+    hn::LoadInterleaved4(di, reinterpret_cast<const std::int32_t*>(depths), z0, z1, z2, triangle);
+    x0 = hn::Sub(x0, corner_x);
+    y0 = hn::Sub(y0, corner_y);
+    const auto x_step = [&](Int step)
+                            HWY_ATTR { return hn::ShiftRight<16>(hn::ShiftLeft<16>(step)); };
+    hn::Store(x0, di, columns.x0);
+    hn::Store(y0, di, columns.y0);
+    hn::Store(hn::Add(x0, x_step(step1)), di, columns.x1);
+    hn::Store(hn::Add(y0, hn::ShiftRight<16>(step1)), di, columns.y1);
+    hn::Store(hn::Add(x0, x_step(step2)), di, columns.x2);
+    hn::Store(hn::Add(y0, hn::ShiftRight<16>(step2)), di, columns.y2);
+    hn::Store(z0, di, columns.v0);
+    hn::Store(z1, di, columns.v1);
+    hn::Store(z2, di, columns.v2);
+    hn::Store(triangle, di, columns.triangle);
+    counters.surviving += valid;
+    DrawSurvivors(columns, 0, valid, nullptr, first_id, planes);
+  };
+  for (std::uint32_t t = 0; t < small.count; t += static_cast<std::uint32_t>(lanes)) {
+    const std::size_t batch = std::min<std::size_t>(lanes, small.count - t);
+    const std::size_t at = std::size_t{small.first} + t;
+    // beyond the last one others are read, or what was there before; the list has room
+    const auto low = hn::LoadU(du, list.low.data() + at);
+    const auto high = hn::Or(hn::LoadU(du, list.high.data() + at), tops);
+    const auto reach = hn::And(hn::Sub(tile_high, low), hn::Sub(high, tile_low));
+    auto here = hn::RebindMask(di, hn::Eq(hn::And(reach, tops), tops));
+    if (batch < lanes) here = hn::And(here, hn::FirstN(di, batch));
+    const std::size_t kept = hn::CountTrue(di, here);
+    if (kept == 0) continue;
+    const auto number = hn::Add(hn::Iota(du, 0), hn::Set(du, static_cast<std::uint32_t>(at)));
+    hn::StoreU(hn::Compress(number, hn::RebindMask(du, here)), du, chosen + pending);
+    pending += kept;
+    if (pending >= lanes) {
+      pending -= lanes;
+      draw(pending, lanes);
+    }
+  }
+  if (pending > 0) draw(0, pending);
+  for (std::uint32_t i = 0; i < large.count; ++i) {
+    const TriangleList::Large& one = list.large[large.first + i];
+    const auto corner = [&](int k) {
+      return SnappedVertex{one.x[k], one.y[k], one.depth[k], 0.0F};
+    };
+    DrawOne(corner(0), corner(1), corner(2), first_id + one.triangle, double_sided, tile_x, tile_y,
+            planes, counters);
+  }
 }
 
 /// Vertices of an agent, from the model frame to the sample grid; `result` holds the least x and y.
@@ -813,6 +1030,7 @@ HWY_INLINE void DrawPlaced(const SharedTriangles& triangles, const SharedScratch
   for (int k = 0; k < kTables; ++k) tables[k] = hn::Load(du, scratch.place + 16 * k);
   const auto low_x = hn::Set(di, x_least), low_y = hn::Set(di, y_least);
   const auto ten = hn::Set(du, 1023), low_half = hn::Set(du, 0xffff);
+  const auto last = hn::Set(di, kTileSamples - 1);
   Survivors survivors;
   for (std::uint32_t t = 0; t < triangles.count; t += static_cast<std::uint32_t>(lanes)) {
     // beyond the last triangle others are read, or padding, and not drawn
@@ -837,7 +1055,7 @@ HWY_INLINE void DrawPlaced(const SharedTriangles& triangles, const SharedScratch
     c.y0 = y_of(p0);
     c.y1 = y_of(p1);
     c.y2 = y_of(p2);
-    std::uint32_t special = Cull(c, t, batch, 0, triangles.double_sided, survivors);
+    std::uint32_t special = Cull(c, t, batch, 0, triangles.double_sided, last, last, survivors);
     for (; special != 0; special &= special - 1) {
       const std::uint32_t triangle = t + static_cast<std::uint32_t>(__builtin_ctz(special));
       SnappedVertex corner[3];
@@ -922,6 +1140,8 @@ namespace throng::render::visibility {
 HWY_EXPORT(ProjectVertices);
 HWY_EXPORT(DrawInstance);
 HWY_EXPORT(DrawShared);
+HWY_EXPORT(ListTriangles);
+HWY_EXPORT(DrawListed);
 HWY_EXPORT(UpdateCells);
 HWY_EXPORT(ClassifyBlocks);
 HWY_EXPORT(SimdName);
@@ -941,6 +1161,18 @@ void draw_instance(const InstanceTriangles& triangles, const Projected& projecte
 void draw_shared(const SharedTriangles& triangles, const SampleGrid& grid, int tile_x, int tile_y,
                  SharedScratch& scratch, TilePlanes& planes, TileCounters& counters) {
   HWY_DYNAMIC_DISPATCH(DrawShared)(triangles, grid, tile_x, tile_y, scratch, planes, counters);
+}
+
+Footprint list_triangles(const InstanceTriangles& triangles, const Projected& projected,
+                         const BatchVertex* vertices, const SampleGrid& grid, TriangleList& list) {
+  return HWY_DYNAMIC_DISPATCH(ListTriangles)(triangles, projected, vertices, grid, list);
+}
+
+void draw_listed(const TriangleList& list, TriangleList::Range small, TriangleList::Range large,
+                 std::uint32_t first_block, bool double_sided, int tile_x, int tile_y,
+                 TilePlanes& planes, TileCounters& counters) {
+  HWY_DYNAMIC_DISPATCH(DrawListed)
+  (list, small, large, first_block, double_sided, tile_x, tile_y, planes, counters);
 }
 
 Footprint project_box(const SampleGrid& grid, const glm::vec3& low, const glm::vec3& high,
