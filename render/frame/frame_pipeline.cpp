@@ -179,7 +179,7 @@ absl::StatusOr<std::unique_ptr<FramePipeline>> FramePipeline::make(
   if (!backend.ok()) return backend.status();
   state.backend = *std::move(backend);
   state.backend_name = options.backend == BackendKind::kCpu ? "cpu" : "cuda";
-  auto rasterizer = make_rasterizer(options.raster, options.threads);
+  auto rasterizer = make_rasterizer(options.raster, options.threads, options.backend);
   if (!rasterizer.ok()) return rasterizer.status();
   state.rasterizer = *std::move(rasterizer);
   const bool takes_fused = state.rasterizer->takes_fused();
@@ -218,6 +218,7 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
     Selection selection = settings.selection;
     selection.pose_mode = settings.pose_mode;
     selection.geometry = state.geometry;
+    selection.on_device = state.rasterizer->takes_device();
     for (;;) {
       status = state.backend->select(view, selection);
       if (!status.ok()) return status;

@@ -4,11 +4,15 @@
 
 #include "render/raster/gl/gl_rasterizer.hpp"
 #include "render/raster/visibility/visibility_rasterizer.hpp"
+#if THRONG_WITH_CUDA
+#include "render/raster/visibility/cuda/cuda_rasterizer.hpp"
+#endif
 #include "throng/render/raster.hpp"
 
 namespace throng::render {
 
-absl::StatusOr<std::unique_ptr<Rasterizer>> make_rasterizer(RasterKind kind, unsigned threads) {
+absl::StatusOr<std::unique_ptr<Rasterizer>> make_rasterizer(RasterKind kind, unsigned threads,
+                                                            BackendKind compute) {
   switch (kind) {
     case RasterKind::kAuto: {
       auto gl = gl::make_gl_rasterizer(threads, /*hardware_only=*/true);
@@ -19,6 +23,9 @@ absl::StatusOr<std::unique_ptr<Rasterizer>> make_rasterizer(RasterKind kind, uns
     case RasterKind::kGl:
       return gl::make_gl_rasterizer(threads);
     case RasterKind::kVisibility:
+#if THRONG_WITH_CUDA
+      if (compute == BackendKind::kCuda) return visibility::make_cuda_rasterizer();
+#endif
       return visibility::make_visibility_rasterizer(threads, "");
   }
   return absl::InvalidArgumentError("make_rasterizer: unknown kind");

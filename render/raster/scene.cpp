@@ -4,22 +4,9 @@
 #include <cmath>
 
 #include "render/compute/cpu/work_pool.hpp"
-#include "render/raster/element/color.hpp"
-#include "render/raster/element/tint.hpp"
+#include "render/raster/element/instance_shade.hpp"
 
 namespace throng::render {
-namespace {
-
-constexpr float kCastShadowFromPx = 40.0F, kCastShadowFullPx = 64.0F;
-
-glm::vec3 channel_color(float value, const Look& look) {
-  if (!std::isfinite(value)) return {0.32F, 0.32F, 0.33F};
-  const float range = look.channel_high - look.channel_low;
-  return element::viridis(range != 0.0F ? (value - look.channel_low) / range : 0.5F);
-}
-
-}  // namespace
-
 SceneFrame make_scene_frame(const Camera& camera, const Viewport& viewport,
                             const glm::dvec3& origin_world, const Look& look) {
   const auto width = static_cast<double>(viewport.width_px);
@@ -75,33 +62,15 @@ void shade_instances(const FrameGeometry& geometry, const Cast& cast, const Scen
       std::find_if(cast.members.begin(), cast.members.end(),
                    [](const CastMember& member) { return member.environment; }) -
       cast.members.begin());
+  const element::ChannelRange channel{look.channel_low, look.channel_high, look.color_by_channel};
   std::vector<std::uint32_t> walls;
   constexpr std::size_t kChunk = 512;
   pool.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const VisibleInstance& instance = geometry.instances[i];
-      InstanceShade& shade = shades[i];
-      shade.feet_relative = instance.position_relative;
-      shade.height_m =
-          std::max(cast.members[instance.character].character.height_m, 0.05F) * instance.scale;
-      const element::Tints tints = element::tints_of(instance.seed);
-      shade.tint[0] = element::pack_tint(tints.skin);
-      shade.tint[1] = element::pack_tint(tints.hair);
-      shade.tint[2] = element::pack_tint(tints.top);
-      shade.tint[3] = element::pack_tint(tints.bottom);
-      shade.character = instance.character;
-      shade.channel = look.color_by_channel
-                          ? element::pack_color(channel_color(instance.channel, look))
-                          : kNoChannel;
-      shade.cast_shadow = 0.0F;
-      const float distance_m =
-          scene.orthographic ? 1.0F : std::max(glm::length(instance.position_relative), 0.1F);
-      shade.size_px = shade.height_m * scene.px_per_tangent / distance_m;
-      if (instance.character >= first_surrounding) {
-        shade.character = first_surrounding;  // all have its texture
-        shade.channel = kNoChannel;
-        shade.cast_shadow = 1.0F;  // and no blob
-      }
+      shades[i] =
+          element::instance_shade(instance, cast.members[instance.character].character.height_m,
+                                  scene, channel, first_surrounding);
     }
   });
   for (std::size_t i = 0; i < count && scene.shadows; ++i) {
@@ -111,7 +80,7 @@ void shade_instances(const FrameGeometry& geometry, const Cast& cast, const Scen
     }
     const bool has_vertices =
         geometry.shared.empty() || geometry.shared[i].level == SharedInstance::kOwn;
-    if (has_vertices && shades[i].size_px > kCastShadowFromPx) {
+    if (has_vertices && shades[i].size_px > element::kCastShadowFromPx) {
       casters.push_back(static_cast<std::uint32_t>(i));
     }
   }
@@ -122,15 +91,14 @@ void shade_instances(const FrameGeometry& geometry, const Cast& cast, const Scen
   for (const VisibleInstance& instance : geometry.instances) {
     triangles_drawn += instance.triangle_count;
   }
-  std::uint64_t room = std::max<std::uint64_t>(60'000, triangles_drawn / 3);
+  std::uint64_t room = element::shadow_room(triangles_drawn);
   std::size_t kept = 0;
   for (; kept < casters.size(); ++kept) {
     const std::uint32_t i = casters[kept];
     const std::uint64_t triangles = geometry.triangle_offset[i + 1] - geometry.triangle_offset[i];
     if (triangles > room) break;
     room -= triangles;
-    shades[i].cast_shadow =
-        glm::smoothstep(kCastShadowFromPx, kCastShadowFullPx, shades[i].size_px);
+    shades[i].cast_shadow = element::cast_shadow_of(shades[i].size_px);
   }
   casters.resize(kept);
   casters.insert(casters.end(), walls.begin(), walls.end());

@@ -1,3 +1,4 @@
+#include "render/compute/cuda/kernel.hpp"
 #include "render/compute/cuda/launch.hpp"
 
 namespace throng::render::cuda {
@@ -29,7 +30,7 @@ __global__ void probe_kernel() {}
 }  // namespace
 
 cudaError_t probe_kernels(cudaStream_t stream) {
-  probe_kernel<<<1, 1, 0, stream>>>();
+  THRONG_LAUNCH_APART(probe_kernel, 1, 1, stream);
   return cudaGetLastError();
 }
 
@@ -37,7 +38,7 @@ cudaError_t launch_advance(const AdvanceJob& job, cudaStream_t stream) {
   const std::uint32_t count = job.shown.slots + job.surrounding;
   if (count == 0) return cudaSuccess;  // an empty grid is a launch error
   constexpr std::uint32_t kThreads = 256;
-  advance_kernel<<<(count + kThreads - 1) / kThreads, kThreads, 0, stream>>>(job);
+  THRONG_LAUNCH_APART(advance_kernel, (count + kThreads - 1) / kThreads, kThreads, stream, job);
   return cudaGetLastError();
 }
 

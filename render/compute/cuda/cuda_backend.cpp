@@ -14,6 +14,7 @@
 
 #include "render/compute/common.hpp"
 #include "render/compute/cuda/cast.hpp"
+#include "render/compute/cuda/device_frame.hpp"
 #include "render/compute/cuda/launch.hpp"
 #include "render/compute/cuda/memory.hpp"
 
@@ -91,7 +92,9 @@ struct CudaView final : ViewWork {
   DeviceBuffer<SelectSums> sums;
   DeviceBuffer<DeviceCounters> counters;
   PinnedBuffer read_back;  // what a rasterizer on the processor draws from
-  FrameGeometry geometry;  // spans of read_back
+  bool on_device = false;  // nothing but the counters is read back
+  DeviceFrame frame;
+  FrameGeometry geometry;  // spans of read_back, or the frame
 };
 
 /// Packs columns into one block, each on a 16-byte boundary.
@@ -321,6 +324,7 @@ class CudaBackend final : public ComputeBackend {
     THRONG_CUDA_TRY(own->vertex_count.resize(slots + 1), "select");
     THRONG_CUDA_TRY(own->triangle_count.resize(slots + 1), "select");
     THRONG_CUDA_TRY(own->sums.resize(1), "select");
+    own->on_device = selection.on_device;
     SelectJob job;
     job.cast = own->instances->cast->device();
     job.projection = own->projection;
@@ -392,7 +396,11 @@ class CudaBackend final : public ComputeBackend {
     job.vertices = own->vertices.data();
     job.indices = own->indices.data();
     THRONG_CUDA_TRY(launch_generate(job, stream_), "generate");
-    if (absl::Status status = read_geometry(*own); !status.ok()) return status;
+    if (own->on_device) {
+      leave_geometry(*own);
+    } else if (absl::Status status = read_geometry(*own); !status.ok()) {
+      return status;
+    }
     own->stage = ViewStage::kGenerated;
     return absl::OkStatus();
   }
@@ -524,7 +532,22 @@ class CudaBackend final : public ComputeBackend {
     return absl::OkStatus();
   }
 
-  /// Copies the frame to the host, where today's rasterizers draw it from.
+  /// For a rasterizer that draws from the device's memory.
+  void leave_geometry(CudaView& view) {
+    view.frame.stream = stream_;
+    view.frame.instance_count = view.seen.visible;
+    view.frame.vertex_count = view.seen.vertices;
+    view.frame.triangle_count = view.seen.triangles;
+    view.frame.instances = view.visible.data();
+    view.frame.vertex_offset = view.vertex_offset.data();
+    view.frame.triangle_offset = view.triangle_offset.data();
+    view.frame.vertices = view.vertices.data();
+    view.frame.indices = view.indices.data();
+    view.geometry = FrameGeometry();
+    view.geometry.on_device = &view.frame;
+  }
+
+  /// Copies the frame to the host, where all other rasterizers draw it from.
   absl::Status read_geometry(CudaView& view) {
     const std::size_t visible = view.seen.visible;
     const std::size_t vertices = view.seen.vertices, indices = 3 * view.seen.triangles;

@@ -1,5 +1,6 @@
 #include <cub/device/device_scan.cuh>
 
+#include "render/compute/cuda/kernel.hpp"
 #include "render/compute/cuda/launch.hpp"
 #include "render/compute/element/visible.hpp"
 
@@ -40,18 +41,23 @@ cudaError_t scan_scratch_bytes(std::uint32_t count, std::size_t& bytes) {
                                        static_cast<std::uint32_t*>(nullptr), count);
 }
 
+cudaError_t launch_scan(const std::uint32_t* from, std::uint32_t* to, std::uint32_t count,
+                        void* scratch, std::size_t scratch_bytes, cudaStream_t stream) {
+  return cub::DeviceScan::ExclusiveSum(scratch, scratch_bytes, from, to, count, stream);
+}
+
 cudaError_t launch_cull(const CullJob& job, void* scratch, std::size_t scratch_bytes,
                         cudaStream_t stream) {
   if (job.slots == 0) return cudaMemsetAsync(job.counters, 0, sizeof *job.counters, stream);
   const std::uint32_t blocks = (job.slots + kThreads - 1) / kThreads;
-  mask_kernel<<<blocks, kThreads, 0, stream>>>(job);
+  THRONG_LAUNCH_APART(mask_kernel, blocks, kThreads, stream, job);
   if (const cudaError_t error = cudaGetLastError(); error != cudaSuccess) return error;
-  if (const cudaError_t error = cub::DeviceScan::ExclusiveSum(scratch, scratch_bytes, job.order,
-                                                              job.order, job.slots, stream);
+  if (const cudaError_t error =
+          launch_scan(job.order, job.order, job.slots, scratch, scratch_bytes, stream);
       error != cudaSuccess) {
     return error;
   }
-  compact_kernel<<<blocks, kThreads, 0, stream>>>(job);
+  THRONG_LAUNCH_APART(compact_kernel, blocks, kThreads, stream, job);
   return cudaGetLastError();
 }
 

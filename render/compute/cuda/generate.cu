@@ -1,3 +1,4 @@
+#include "render/compute/cuda/kernel.hpp"
 #include "render/compute/cuda/launch.hpp"
 #include "render/compute/element/octahedral.hpp"
 
@@ -9,7 +10,7 @@ constexpr std::uint32_t kThreads = 128;
 /// One block an instance. Its palette is mixed once, in shared memory (a joint index is 8 bits);
 /// then the threads take its vertices and its triangles.
 __global__ void generate_kernel(GenerateJob job) {
-  extern __shared__ element::JointMatrix palette[];
+  THRONG_DYNAMIC_SHARED(element::JointMatrix, palette);
   const std::uint32_t visible = blockIdx.x;
   const VisibleInstance& instance = job.instance[visible];
   const DeviceCharacter& character = job.cast.character[instance.character];
@@ -59,7 +60,7 @@ __global__ void generate_kernel(GenerateJob job) {
 cudaError_t launch_generate(const GenerateJob& job, cudaStream_t stream) {
   if (job.visible == 0) return cudaSuccess;
   const std::size_t shared_bytes = job.most_joints * sizeof(element::JointMatrix);
-  generate_kernel<<<job.visible, kThreads, shared_bytes, stream>>>(job);
+  THRONG_LAUNCH(generate_kernel, job.visible, kThreads, shared_bytes, stream, job);
   return cudaGetLastError();
 }
 

@@ -17,6 +17,10 @@ cudaError_t launch_advance(const AdvanceJob& job, cudaStream_t stream);
 cudaError_t launch_cull(const CullJob& job, void* scratch, std::size_t scratch_bytes,
                         cudaStream_t stream);
 
+/// Exclusive prefix sum of `count` numbers.
+cudaError_t launch_scan(const std::uint32_t* from, std::uint32_t* to, std::uint32_t count,
+                        void* scratch, std::size_t scratch_bytes, cudaStream_t stream);
+
 /// Equation 1's shares, the rate that fits the budget, counts and their prefix sums.
 cudaError_t launch_select(const SelectJob& job, cudaStream_t stream);
 

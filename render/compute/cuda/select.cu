@@ -1,6 +1,6 @@
 #include <cub/block/block_reduce.cuh>
-#include <cub/device/device_scan.cuh>
 
+#include "render/compute/cuda/kernel.hpp"
 #include "render/compute/cuda/launch.hpp"
 
 namespace throng::render::cuda {
@@ -104,28 +104,28 @@ cudaError_t launch_select(const SelectJob& job, cudaStream_t stream) {
   cudaError_t error = cudaMemsetAsync(job.sums, 0, sizeof *job.sums, stream);
   if (error != cudaSuccess) return error;
   const std::uint32_t blocks = (job.slots + 1 + kThreads - 1) / kThreads;
-  share_kernel<<<blocks, kThreads, 0, stream>>>(job);
-  begin_kernel<<<1, 1, 0, stream>>>(job);
+  THRONG_LAUNCH(share_kernel, blocks, kThreads, 0, stream, job);
+  THRONG_LAUNCH_APART(begin_kernel, 1, 1, stream, job);
   if (job.deal_again) {
     for (int round = 0; round <= element::kDealRounds; ++round) {
-      deal_kernel<<<blocks, kThreads, 0, stream>>>(job);
-      step_kernel<<<1, 1, 0, stream>>>(job);
+      THRONG_LAUNCH(deal_kernel, blocks, kThreads, 0, stream, job);
+      THRONG_LAUNCH_APART(step_kernel, 1, 1, stream, job);
     }
   }
-  assign_kernel<<<blocks, kThreads, 0, stream>>>(job);
+  THRONG_LAUNCH(assign_kernel, blocks, kThreads, 0, stream, job);
   return cudaGetLastError();
 }
 
 cudaError_t launch_allocate(const AllocateJob& job, void* scratch, std::size_t scratch_bytes,
                             cudaStream_t stream) {
   const std::uint32_t count = job.slots + 1;
-  if (const cudaError_t error = cub::DeviceScan::ExclusiveSum(
-          scratch, scratch_bytes, job.vertex_count, job.vertex_offset, count, stream);
+  if (const cudaError_t error =
+          launch_scan(job.vertex_count, job.vertex_offset, count, scratch, scratch_bytes, stream);
       error != cudaSuccess) {
     return error;
   }
-  return cub::DeviceScan::ExclusiveSum(scratch, scratch_bytes, job.triangle_count,
-                                       job.triangle_offset, count, stream);
+  return launch_scan(job.triangle_count, job.triangle_offset, count, scratch, scratch_bytes,
+                     stream);
 }
 
 }  // namespace throng::render::cuda

@@ -17,7 +17,7 @@ struct Tints {
 
 /// Finaliser of MurmurHash3 (A. Appleby, public domain): every output bit depends on every input
 /// bit.
-inline std::uint32_t mix_bits(std::uint32_t bits) {
+THRONG_HOST_DEVICE inline std::uint32_t mix_bits(std::uint32_t bits) {
   bits ^= bits >> 16;
   bits *= 0x85ebca6bu;
   bits ^= bits >> 13;
@@ -30,7 +30,7 @@ inline std::uint32_t mix_bits(std::uint32_t bits) {
 /// A street's crowd, by proportion: about two of five tops are black, white, grey or navy, the
 /// others muted with a few saturated ones; trousers are mostly denim and dark. Brightness varies by
 /// 10 % around each colour, so that neighbours in the same coat still differ.
-inline Tints tints_of(std::uint32_t seed) {
+THRONG_HOST_DEVICE inline Tints tints_of(std::uint32_t seed) {
   constexpr glm::vec3 kSkin[8] = {
       {1.12F, 1.13F, 1.14F}, {1.06F, 1.06F, 1.05F}, {1.00F, 1.00F, 1.00F}, {1.00F, 0.97F, 0.94F},
       {0.93F, 0.89F, 0.85F}, {0.85F, 0.80F, 0.75F}, {0.75F, 0.69F, 0.63F}, {0.64F, 0.57F, 0.51F}};

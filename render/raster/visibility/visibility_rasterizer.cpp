@@ -16,6 +16,7 @@
 #include "render/raster/scene.hpp"
 #include "render/raster/visibility/cpu/shade.hpp"
 #include "render/raster/visibility/cpu/tile.hpp"
+#include "render/raster/visibility/element/shadow.hpp"
 #include "render/raster/visibility/element/word.hpp"
 
 namespace throng::render::visibility {
@@ -29,7 +30,6 @@ constexpr std::uint64_t kCellRefreshTriangles = 512;
 constexpr std::uint32_t kListTiles = 2;
 /// Shared figures whose triangles are smaller than this on the average have one colour for each.
 constexpr float kFlatTrianglePx2 = 1.5F;
-constexpr std::uint32_t kLeastShadowVertices = 96;
 constexpr float kFlatFigurePx = 14.0F;  // of larger figures the difference shows (SSIM 0.006)
 
 /// What a tile needs to know of a visible instance; they lie anywhere in memory, so one cache line.
@@ -74,43 +74,6 @@ struct TileScratch {
   alignas(64) float background_share[kPixels];
   TileCounters counters;
 };
-
-/// Samples that a blob may darken: its rectangle on the ground, a little enlarged; all of them when
-/// a corner lies behind the eye.
-Footprint blob_rectangle(const SampleGrid& grid, const Blob& blob, float ground_relative_m) {
-  const auto corner = [&](float along, float across) {
-    return blob.feet_relative +
-           (blob.away * along + glm::vec2(-blob.away.y, blob.away.x) * across) * blob.meter;
-  };
-  Footprint rectangle{0, 0, grid.width - 1, grid.height - 1, 0.0F, false};
-  if (std::max(blob.contact, blob.body) < 0.004F) {
-    rectangle.x_high = -1;
-    return rectangle;
-  }
-  const glm::mat4& m = grid.clip_from_relative;
-  const glm::vec4 origin = m * glm::vec4(corner(-0.55F, -0.55F), ground_relative_m, 1.0F);
-  const glm::vec2 along = blob.away * ((blob.reach + 0.9F) * blob.meter);
-  const glm::vec2 across = glm::vec2(-blob.away.y, blob.away.x) * (1.1F * blob.meter);
-  const glm::vec4 u = m[0] * along.x + m[1] * along.y, v = m[0] * across.x + m[1] * across.y;
-  const glm::vec4 corners[4] = {origin, origin + u, origin + v, origin + u + v};
-  glm::vec2 low(1e9F), high(-1e9F);
-  for (const glm::vec4& p : corners) {
-    if (!(p.w > 0.0F) || !(p.z <= p.w) || !(p.z >= 0.0F)) return rectangle;
-    const glm::vec2 place = glm::vec2(p) / p.w;
-    low = glm::min(low, place);
-    high = glm::max(high, place);
-  }
-  const auto sample = [](float ndc, std::int32_t count) {
-    const float limit = static_cast<float>(count) + 2.0F;
-    return static_cast<std::int32_t>(
-        std::clamp((1.0F + ndc) * 0.5F * static_cast<float>(count), -2.0F, limit));
-  };
-  rectangle.x_low = std::max(0, sample(low.x, grid.width) - 1);
-  rectangle.x_high = std::min(grid.width - 1, sample(high.x, grid.width) + 1);
-  rectangle.y_low = std::max(0, sample(-high.y, grid.height) - 1);
-  rectangle.y_high = std::min(grid.height - 1, sample(-low.y, grid.height) + 1);
-  return rectangle;
-}
 
 class VisibilityRasterizer final : public Rasterizer {
  public:
@@ -227,7 +190,7 @@ class VisibilityRasterizer final : public Rasterizer {
   Bins<std::uint32_t> blob_bins_, caster_bins_;
   struct BlobRecord {
     Blob blob;
-    Footprint place;
+    element::SampleBox place;
   };
   std::vector<BlobRecord> blobs_;  // [V]
   std::vector<std::uint32_t> casters_;
@@ -286,60 +249,15 @@ absl::Status VisibilityRasterizer::upload(std::shared_ptr<const Cast> cast) {
   if (cast == nullptr || cast->members.empty()) {
     return absl::InvalidArgumentError("visibility upload: the cast is empty");
   }
-  TextureStore store;
+  absl::StatusOr<TextureStore> store = make_textures(*cast);
+  if (!store.ok()) return store.status();
   std::vector<std::uint8_t> double_sided;
-  try {
-    const auto append = [&store](const MipImage& image) {
-      const std::size_t first = store.texels.size();
-      store.texels.resize(first + image.texels.size() / 4);
-      std::memcpy(store.texels.data() + first, image.texels.data(), image.texels.size() / 4 * 4);
-      return first;
-    };
-    for (const CastMember& member : cast->members) {
-      const Character& character = member.character;
-      for (const MipImage* image : {&character.base_color, &character.tint_mask}) {
-        std::uint64_t texels = 0;
-        for (std::uint32_t level = 0; level < image->level_count; ++level) {
-          texels += std::uint64_t{std::max(1U, image->width_px >> level)} *
-                    std::max(1U, image->height_px >> level);
-        }
-        if (image->level_count > 15 || texels * 4 > image->texels.size()) {
-          return absl::InvalidArgumentError(
-              absl::StrCat("visibility upload: ", character.name, ": a texture of ",
-                           image->width_px, "x", image->height_px, " px with ", image->level_count,
-                           " levels has ", image->texels.size(), " bytes"));
-        }
-      }
-      TextureInfo info;
-      if (character.base_color.level_count == 0) {
-        info.base_first = static_cast<std::int32_t>(store.texels.size());
-        store.texels.push_back(0xffb4b4b4U);
-      } else {
-        info.base_first = static_cast<std::int32_t>(append(character.base_color));
-        info.base_width = static_cast<std::int32_t>(character.base_color.width_px);
-        info.base_height = static_cast<std::int32_t>(character.base_color.height_px);
-        info.base_levels = static_cast<std::int32_t>(character.base_color.level_count);
-      }
-      if (character.tint_mask.level_count > 0) {
-        info.mask_first = static_cast<std::int32_t>(append(character.tint_mask));
-        info.mask_width = static_cast<std::int32_t>(character.tint_mask.width_px);
-        info.mask_height = static_cast<std::int32_t>(character.tint_mask.height_px);
-        info.mask_levels = static_cast<std::int32_t>(character.tint_mask.level_count);
-      }
-      if (store.texels.size() > 0x7fffffffULL) {
-        return absl::ResourceExhaustedError(absl::StrCat("visibility upload: textures have ",
-                                                         store.texels.size(), " texels, at most ",
-                                                         0x7fffffff));
-      }
-      store.infos.push_back(info);
-      std::uint8_t flags = 0;
-      for (const std::uint8_t one : character.triangle_flags) flags |= one;
-      double_sided.push_back((flags & kTriangleDoubleSided) != 0);
-    }
-  } catch (const std::bad_alloc&) {
-    return absl::ResourceExhaustedError("visibility upload: no memory for the cast's textures");
+  for (const CastMember& member : cast->members) {
+    std::uint8_t flags = 0;
+    for (const std::uint8_t one : member.character.triangle_flags) flags |= one;
+    double_sided.push_back((flags & kTriangleDoubleSided) != 0);
   }
-  textures_ = std::move(store);
+  textures_ = *std::move(store);
   cutouts_.clear();
   for (std::size_t i = 0; i < cast->members.size(); ++i) {
     const std::span<const std::uint8_t> flags = cast->members[i].character.triangle_flags;
@@ -596,8 +514,7 @@ void VisibilityRasterizer::project_shadows(const FrameGeometry& geometry, const 
     std::uint32_t level = Caster::kAllTriangles;
     std::uint32_t vertex_count = geometry.vertex_offset[i + 1] - geometry.vertex_offset[i];
     std::uint32_t triangle_count = drawn_[i].triangle_count;
-    const std::uint32_t wanted =
-        std::clamp(vertex_count / 4, kLeastShadowVertices, LevelTable::kMostVertices);
+    const std::uint32_t wanted = element::shadow_vertices(vertex_count, LevelTable::kMostVertices);
     if (wanted < vertex_count && !cast_->members[instance.character].environment) {
       const std::uint32_t coarser = levels_.level_at[instance.character][wanted];
       if (coarser < levels_.levels.size() &&
@@ -614,7 +531,6 @@ void VisibilityRasterizer::project_shadows(const FrameGeometry& geometry, const 
   if (shadow_vertices_.size() < vertices) shadow_vertices_.resize(vertices + vertices / 2);
   if (shadow_indices_.size() < indices) shadow_indices_.resize(indices + indices / 2);
   shadow_projected_.resize(vertices);
-  const glm::vec3 sun = scene.sun_direction;
   pool_.run(casters_.size(), [&](std::size_t c, unsigned) {
     const std::uint32_t i = casters_[c];
     Caster& caster = caster_shapes_[c];
@@ -623,13 +539,11 @@ void VisibilityRasterizer::project_shadows(const FrameGeometry& geometry, const 
     const std::uint32_t count = caster.vertices;
     for (std::uint32_t v = 0; v < count; ++v) {
       BatchVertex vertex = geometry.vertices[begin + v];
-      glm::vec3& p = vertex.position_relative;
-      const float height_m = std::max(p.z - scene.ground_relative_m, 0.0F);
-      const float slide = height_m / std::max(sun.z, 0.05F);
-      p = glm::vec3(p.x - sun.x * slide, p.y - sun.y * slide, scene.ground_relative_m);
+      const element::ShadowPoint point =
+          element::shadow_point(scene, shade, vertex.position_relative);
+      vertex.position_relative = point.position_relative;
       // kept for the depth plane below; shading never sees these vertices
-      vertex.visible = static_cast<std::uint32_t>(
-          std::min(height_m / std::max(shade.height_m, 0.1F), 1.0F) * 65535.0F);
+      std::memcpy(&vertex.visible, &point.height_share, sizeof vertex.visible);
       shadow_vertices_[caster.first_vertex + v] = vertex;
     }
     std::uint32_t* out = shadow_indices_.data() + caster.first_index;
@@ -653,21 +567,19 @@ void VisibilityRasterizer::project_shadows(const FrameGeometry& geometry, const 
       shade.cast_shadow = 0.0F;
       return;
     }
-    const float distance_m =
-        scene.orthographic ? 1e-3F : std::max(glm::length(shade.feet_relative), 1e-3F);
-    const float slope = std::min(std::abs(scene.ground_relative_m) / distance_m, 1.0F);
-    const float share = shade.cast_shadow * (1.0F - std::exp2(-55.0F * slope));
+    const float share = element::cast_shadow_share(scene, shade);
     // the plane keeps the strongest shadow, as the depth plane keeps the nearest surface
     for (std::uint32_t v = caster.first_vertex; v < caster.first_vertex + count; ++v) {
-      const float height = static_cast<float>(shadow_vertices_[v].visible) / 65535.0F;
-      shadow_projected_.depth[v] = share * (0.56F - 0.14F * height);
+      float height_share = 0.0F;
+      std::memcpy(&height_share, &shadow_vertices_[v].visible, sizeof height_share);
+      shadow_projected_.depth[v] = element::cast_shadow_strength(share, height_share);
     }
   });
 }
 
 void VisibilityRasterizer::bin_shadows(const SceneFrame& scene, const Viewport& viewport) {
   const std::size_t tiles = std::size_t{tiles_x_} * tiles_y_;
-  const auto cover = [&](const Footprint& f, std::uint32_t value, auto&& place) {
+  const auto cover = [&](const auto& f, std::uint32_t value, auto&& place) {
     if (f.x_low > f.x_high || f.y_low > f.y_high) return;
     for (int ty = f.y_low / kTileSamples; ty <= f.y_high / kTileSamples; ++ty) {
       for (int tx = f.x_low / kTileSamples; tx <= f.x_high / kTileSamples; ++tx) {
@@ -687,7 +599,7 @@ void VisibilityRasterizer::bin_shadows(const SceneFrame& scene, const Viewport& 
     for (std::size_t i = begin; i < end; ++i) {
       BlobRecord& record = blobs_[i];
       record.blob = make_blob(scene, shades_[i]);
-      record.place = blob_rectangle(grid_, record.blob, scene.ground_relative_m);
+      record.place = element::blob_box(grid_, record.blob, scene.ground_relative_m);
     }
   });
   blob_bins_.fill(tiles, count_, pool_, [&](std::size_t begin, std::size_t end, auto&& place) {
@@ -851,7 +763,7 @@ void VisibilityRasterizer::add_background(const SceneFrame& scene, std::size_t t
     for (std::size_t k = 0; k < list.size(); ++k) {
       if (k + 4 < list.size()) __builtin_prefetch(&blobs_[list[k + 4]]);
       const BlobRecord& record = blobs_[list[k]];
-      const Footprint& f = record.place;
+      const element::SampleBox& f = record.place;
       const int x0 = std::max(0, f.x_low / 2 - tile_x_px),
                 x1 = std::min(width - 1, f.x_high / 2 - tile_x_px);
       const int y0 = std::max(0, f.y_low / 2 - tile_y_px),

@@ -67,6 +67,12 @@ struct Selection {
   GeometryKind geometry = GeometryKind::kBatched;
   // what the agents are drawn as; the cuda backend makes kMesh of it so far
   FormRule form = FormRule::kMesh;
+  bool on_device = false;  // leave batched geometry where it was made; of cuda only
+};
+
+/// Geometry in the memory of a device; each backend derives its own.
+struct DeviceGeometry {
+  virtual ~DeviceGeometry() = default;
 };
 
 /// A visible instance of fused geometry. 24 bytes.
@@ -104,6 +110,7 @@ struct FrameGeometry {
   std::span<const Representation> representation = {};  // [V], empty: all are kMesh
   std::span<const JointedInstance> jointed = {};        // [V] where representation is not empty
   std::span<const float> joints = {};
+  const DeviceGeometry* on_device = nullptr;  // else the spans are empty
 };
 inline constexpr std::uint32_t kPosedHeader = 16;  // values before a posed mesh's columns
 

@@ -83,6 +83,9 @@ class Rasterizer {
                : absl::UnimplementedError("keep_facts: this rasterizer draws colours only");
   }
 
+  /// True where geometry is drawn from the memory of a CUDA device (FrameGeometry::on_device).
+  virtual bool takes_device() const { return false; }
+
   /// Textures of the cast, once.
   virtual absl::Status upload(std::shared_ptr<const Cast> cast) = 0;
 
@@ -96,7 +99,9 @@ class Rasterizer {
 };
 
 /// Unavailable with the reason (which EGL platforms were tried and what each said).
-absl::StatusOr<std::unique_ptr<Rasterizer>> make_rasterizer(RasterKind kind, unsigned threads = 0);
+/// @param compute  where the geometry is made: kVisibility draws it there.
+absl::StatusOr<std::unique_ptr<Rasterizer>> make_rasterizer(
+    RasterKind kind, unsigned threads = 0, BackendKind compute = BackendKind::kCpu);
 
 /// What EGL can do on this machine, a line for each platform and device tried. For `throng doctor`.
 std::vector<std::string> describe_egl();

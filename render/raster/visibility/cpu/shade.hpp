@@ -1,5 +1,7 @@
 #pragma once
 
+#include <absl/status/statusor.h>
+
 #include <cstddef>
 #include <cstdint>
 #include <glm/glm.hpp>
@@ -7,21 +9,23 @@
 
 #include "render/compute/cpu/levels.hpp"
 #include "render/raster/scene.hpp"
+#include "render/raster/visibility/element/shade.hpp"
 #include "throng/render/compute.hpp"
 
 namespace throng::render::visibility {
 
-/// Base colour and tint mask of one character within TextureStore::texels.
-struct TextureInfo {
-  std::int32_t base_first = 0, base_width = 1, base_height = 1, base_levels = 1;
-  std::int32_t mask_first = -1, mask_width = 1, mask_height = 1, mask_levels = 0;  // -1: no mask
-};
+using element::Blob;
+using element::make_blob;
+using element::TextureInfo;
 
 /// All textures of a cast in one array, texels r g b a as little-endian words.
 struct TextureStore {
   std::vector<std::uint32_t> texels;
   std::vector<TextureInfo> infos;
 };
+
+/// InvalidArgument for a texture that is smaller than it says, ResourceExhausted.
+absl::StatusOr<TextureStore> make_textures(const Cast& cast);
 
 /// What shading needs of an instance that shares its pose. 32 bytes.
 struct SharedShade {
@@ -102,16 +106,6 @@ void shade_surface_items(const SceneFrame& scene, const InstanceShade* shades, S
 /// Ground, grid and sky of a row of pixels [x, x + count): tone-mapped, linear.
 void shade_background(const SceneFrame& scene, int x_px, int y_px, int count, float* r, float* g,
                       float* b);
-
-/// A soft shadow's place on the ground.
-struct Blob {
-  glm::vec2 feet_relative;
-  glm::vec2 away;       // unit, from the sun
-  float meter;          // one metre of a figure of 1.75 m
-  float reach;          // length of the shadow, in those metres
-  float contact, body;  // strengths
-};
-Blob make_blob(const SceneFrame& scene, const InstanceShade& shade);
 
 /// Raises `missing` (share of light that is missing) of `rows` rows of `count` pixels, `stride`
 /// values apart, by a blob.

@@ -943,23 +943,6 @@ void shade_blob(const SceneFrame& scene, const Blob& blob, int x_px, int y_px, i
   HWY_DYNAMIC_DISPATCH(ShadeBlob)(scene, blob, x_px, y_px, count, rows, stride, missing);
 }
 
-Blob make_blob(const SceneFrame& scene, const InstanceShade& shade) {
-  Blob blob;
-  blob.feet_relative = glm::vec2(shade.feet_relative);
-  const glm::vec2 away = -glm::vec2(scene.sun_direction);
-  const float flat_length = glm::length(away);
-  blob.away = flat_length > 1e-4F ? away / flat_length : glm::vec2(1.0F, 0.0F);
-  blob.meter = shade.height_m / 1.75F;
-  blob.reach = 1.75F * std::min(flat_length / std::max(scene.sun_direction.z, 0.05F), 3.0F);
-  const float distance_m =
-      scene.orthographic ? 1e-3F : std::max(glm::length(shade.feet_relative), 1e-3F);
-  const float slope = std::min(std::abs(scene.ground_relative_m) / distance_m, 1.0F);
-  const float seen = (1.0F - std::exp2(-55.0F * slope)) * std::exp2(-distance_m * scene.haze_per_m);
-  blob.contact = seen;
-  blob.body = seen * (1.0F - shade.cast_shadow);
-  return blob;
-}
-
 void encode_row(const float* r, const float* g, const float* b, int count, std::uint8_t* rgbx) {
   HWY_DYNAMIC_DISPATCH(EncodeRow)(r, g, b, count, rgbx);
 }

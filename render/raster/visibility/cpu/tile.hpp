@@ -6,6 +6,8 @@
 #include <memory>
 #include <vector>
 
+#include "render/raster/visibility/element/clip.hpp"
+#include "render/raster/visibility/element/cutout.hpp"
 #include "throng/render/compute.hpp"
 
 namespace throng::render::visibility {
@@ -36,7 +38,8 @@ struct Projected {
   std::vector<float> inverse_w;    // 1 / clip w
   void resize(std::size_t count);
 };
-inline constexpr std::int32_t kNeedsClip = INT32_MIN;
+using element::kNeedsClip;
+using element::SampleGrid;
 
 /// Where an instance's vertices fell.
 struct Footprint {
@@ -45,22 +48,11 @@ struct Footprint {
   bool clipped;                               // some vertex needs clipping
 };
 
-/// Clip space to sub-units: x = (ndc.x + 1) * scale.x, y = (1 - ndc.y) * scale.y.
-struct SampleGrid {
-  glm::mat4 clip_from_relative;
-  std::int32_t width, height;  // samples
-};
-
 /// Projects vertices [begin, end) and returns their footprint.
 Footprint project_vertices(const SampleGrid& grid, const BatchVertex* vertices, std::size_t begin,
                            std::size_t end, Projected& projected);
 
-/// The base colour of a character with cut-out triangles: texels with alpha under 128 are holes.
-struct Cutout {
-  const std::uint8_t* flags;    // Character::triangle_flags
-  const std::uint32_t* texels;  // all mip levels, one after the other
-  std::int32_t width_px, height_px, levels;
-};
+using element::Cutout;
 
 /// One instance's triangles, as the tile needs them.
 struct InstanceTriangles {

@@ -261,18 +261,8 @@ void DrawCutout(const Cutout& cutout, SnappedVertex v[3], const glm::vec2 uv_cor
       std::min(kTileSamples - 1, (std::max({v[0].x, v[1].x, v[2].x}) - kHalf) >> element::kSubBits);
   const int y_high =
       std::min(kTileSamples - 1, (std::max({v[0].y, v[1].y, v[2].y}) - kHalf) >> element::kSubBits);
-  // the mip level where a texel is about a sample
-  const float texels = std::abs((uv[1].x - uv[0].x) * (uv[2].y - uv[0].y) -
-                                (uv[2].x - uv[0].x) * (uv[1].y - uv[0].y)) *
-                       static_cast<float>(cutout.width_px) * static_cast<float>(cutout.height_px);
-  float samples = static_cast<float>(area) / (element::kSubUnit * element::kSubUnit);
-  std::int32_t width = cutout.width_px, height = cutout.height_px;
-  const std::uint32_t* level = cutout.texels;
-  for (std::int32_t i = 1; i < cutout.levels && samples * 4.0F <= texels; ++i, samples *= 4.0F) {
-    level += static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-    width = std::max(1, width >> 1);
-    height = std::max(1, height >> 1);
-  }
+  const element::CutoutLevel level = element::cutout_level(cutout, uv, area);
+  const float inverse_w[3] = {v[0].inverse_w, v[1].inverse_w, v[2].inverse_w};
   const element::Edge edges[3] = {element::edge_between(v[1].x, v[1].y, v[2].x, v[2].y),
                                   element::edge_between(v[2].x, v[2].y, v[0].x, v[0].y),
                                   element::edge_between(v[0].x, v[0].y, v[1].x, v[1].y)};
@@ -281,14 +271,9 @@ void DrawCutout(const Cutout& cutout, SnappedVertex v[3], const glm::vec2 uv_cor
                            v[2].depth, static_cast<float>(area));
   for (int y = y_low; y <= y_high; ++y) {
     for (int x = x_low; x <= x_high; ++x) {
-      float share[3], sum = 0.0F;
-      bool inside = true;
-      for (int k = 0; k < 3; ++k) {
-        const std::int32_t e = edges[k].at_origin + edges[k].dx * x + edges[k].dy * y;
-        inside = inside && e >= 0;
-        share[k] = (static_cast<float>(e) + 0.5F) * v[k].inverse_w;  // perspective-correct
-        sum += share[k];
-      }
+      std::int32_t e[3];
+      for (int k = 0; k < 3; ++k) e[k] = edges[k].at_origin + edges[k].dx * x + edges[k].dy * y;
+      const bool inside = (e[0] | e[1] | e[2]) >= 0;
       if (!inside) continue;
       const float px = static_cast<float>(x * element::kSubUnit + kHalf - v[0].x);
       const float py = static_cast<float>(y * element::kSubUnit + kHalf - v[0].y);
@@ -296,15 +281,7 @@ void DrawCutout(const Cutout& cutout, SnappedVertex v[3], const glm::vec2 uv_cor
       z = std::min(std::max(z, plane.low), plane.high);
       const std::size_t at = sample_index(x, y);
       if (z < planes.depth[at] || (z == planes.depth[at] && id <= planes.id[at])) continue;
-      const glm::vec2 place = (uv[0] * share[0] + uv[1] * share[1] + uv[2] * share[2]) / sum;
-      const auto texel = [](float c, std::int32_t size) {
-        return std::min(std::max(static_cast<std::int32_t>(c * static_cast<float>(size)), 0),
-                        size - 1);
-      };
-      const std::uint32_t color =
-          level[static_cast<std::size_t>(texel(place.y, height)) * static_cast<std::size_t>(width) +
-                static_cast<std::size_t>(texel(place.x, width))];
-      if ((color >> 24) < 128U) continue;
+      if (!element::cutout_covers(level, uv, e, inverse_w)) continue;
       planes.depth[at] = z;
       planes.id[at] = id;
     }

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include <cstdint>
+
+#include "throng/render/compute.hpp"
+
+namespace throng::render::cuda {
+
+/// A view's batched geometry where it was made. It is there for whoever waits for `stream`, until
+/// the next call on the view. Offsets have more elements than instances: V + 1 count.
+struct DeviceFrame final : DeviceGeometry {
+  cudaStream_t stream = nullptr;
+  std::uint32_t instance_count = 0;  // V
+  std::uint64_t vertex_count = 0, triangle_count = 0;
+  const VisibleInstance* instances = nullptr;
+  const std::uint32_t* vertex_offset = nullptr;
+  const std::uint32_t* triangle_offset = nullptr;
+  const BatchVertex* vertices = nullptr;
+  const std::uint32_t* indices = nullptr;
+};
+
+}  // namespace throng::render::cuda

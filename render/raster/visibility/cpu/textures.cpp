@@ -1,0 +1,65 @@
+#include <absl/strings/str_cat.h>
+
+#include <algorithm>
+#include <cstring>
+#include <new>
+
+#include "render/raster/visibility/cpu/shade.hpp"
+#include "throng/render/asset.hpp"
+
+namespace throng::render::visibility {
+
+absl::StatusOr<TextureStore> make_textures(const Cast& cast) {
+  TextureStore store;
+  try {
+    const auto append = [&store](const MipImage& image) {
+      const std::size_t first = store.texels.size();
+      store.texels.resize(first + image.texels.size() / 4);
+      std::memcpy(store.texels.data() + first, image.texels.data(), image.texels.size() / 4 * 4);
+      return first;
+    };
+    for (const CastMember& member : cast.members) {
+      const Character& character = member.character;
+      for (const MipImage* image : {&character.base_color, &character.tint_mask}) {
+        std::uint64_t texels = 0;
+        for (std::uint32_t level = 0; level < image->level_count; ++level) {
+          texels += std::uint64_t{std::max(1U, image->width_px >> level)} *
+                    std::max(1U, image->height_px >> level);
+        }
+        if (image->level_count > 15 || texels * 4 > image->texels.size()) {
+          return absl::InvalidArgumentError(
+              absl::StrCat("visibility upload: ", character.name, ": a texture of ",
+                           image->width_px, "x", image->height_px, " px with ", image->level_count,
+                           " levels has ", image->texels.size(), " bytes"));
+        }
+      }
+      TextureInfo info;
+      if (character.base_color.level_count == 0) {
+        info.base_first = static_cast<std::int32_t>(store.texels.size());
+        store.texels.push_back(0xffb4b4b4U);
+      } else {
+        info.base_first = static_cast<std::int32_t>(append(character.base_color));
+        info.base_width = static_cast<std::int32_t>(character.base_color.width_px);
+        info.base_height = static_cast<std::int32_t>(character.base_color.height_px);
+        info.base_levels = static_cast<std::int32_t>(character.base_color.level_count);
+      }
+      if (character.tint_mask.level_count > 0) {
+        info.mask_first = static_cast<std::int32_t>(append(character.tint_mask));
+        info.mask_width = static_cast<std::int32_t>(character.tint_mask.width_px);
+        info.mask_height = static_cast<std::int32_t>(character.tint_mask.height_px);
+        info.mask_levels = static_cast<std::int32_t>(character.tint_mask.level_count);
+      }
+      if (store.texels.size() > 0x7fffffffULL) {
+        return absl::ResourceExhaustedError(absl::StrCat("visibility upload: textures have ",
+                                                         store.texels.size(), " texels, at most ",
+                                                         0x7fffffff));
+      }
+      store.infos.push_back(info);
+    }
+  } catch (const std::bad_alloc&) {
+    return absl::ResourceExhaustedError("visibility upload: no memory for the cast's textures");
+  }
+  return store;
+}
+
+}  // namespace throng::render::visibility

@@ -1,0 +1,436 @@
+#include "render/raster/visibility/cuda/cuda_rasterizer.hpp"
+
+#include <absl/strings/str_cat.h>
+#include <cuda_runtime_api.h>
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+#include <vector>
+
+#include "render/compute/cpu/levels.hpp"
+#include "render/compute/cuda/device_frame.hpp"
+#include "render/compute/cuda/launch.hpp"
+#include "render/compute/cuda/memory.hpp"
+#include "render/raster/scene.hpp"
+#include "render/raster/visibility/cpu/shade.hpp"
+#include "render/raster/visibility/cuda/launch.hpp"
+#include "render/raster/visibility/element/word.hpp"
+
+namespace throng::render::visibility {
+namespace cuda {
+namespace {
+
+using render::cuda::DeviceBuffer;
+using render::cuda::DeviceFrame;
+using render::cuda::PinnedBuffer;
+
+constexpr std::uint32_t kMaxSidePx = 16384;
+constexpr char kUpload[] = "visibility (cuda) upload";
+constexpr char kDraw[] = "visibility (cuda) draw";
+static_assert(kMostLevelVertices == LevelTable::kMostVertices);
+
+class CudaRasterizer final : public Rasterizer {
+ public:
+  static absl::StatusOr<std::unique_ptr<Rasterizer>> make() {
+    constexpr char kCall[] = "make_rasterizer: cuda";
+    int devices = 0;
+    if (const cudaError_t error = cudaGetDeviceCount(&devices);
+        error != cudaSuccess || devices == 0) {
+      cudaGetLastError();
+      return absl::UnavailableError(
+          absl::StrCat(kCall, ": no device: ",
+                       error == cudaSuccess ? "the driver lists none" : cudaGetErrorString(error),
+                       " (nvidia-smi tells what the driver sees)"));
+    }
+    cudaStream_t stream = nullptr;
+    cudaEvent_t ready = nullptr;
+    cudaDeviceProp properties{};
+    const auto begin = [&]() -> absl::Status {
+      THRONG_CUDA_TRY(cudaSetDevice(0), kCall);
+      THRONG_CUDA_TRY(cudaGetDeviceProperties(&properties, 0), kCall);
+      THRONG_CUDA_TRY(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking), kCall);
+      THRONG_CUDA_TRY(cudaEventCreateWithFlags(&ready, cudaEventDisableTiming), kCall);
+      THRONG_CUDA_TRY(render::cuda::probe_kernels(stream), kCall);
+      THRONG_CUDA_TRY(cudaStreamSynchronize(stream), kCall);
+      return absl::OkStatus();
+    };
+    const absl::Status status = begin();
+    auto rasterizer = std::unique_ptr<CudaRasterizer>(new CudaRasterizer(
+        stream, ready,
+        absl::StrCat(properties.name, ", compute ", properties.major, ".", properties.minor)));
+    if (!status.ok()) return absl::UnavailableError(status.message());
+    return rasterizer;
+  }
+
+  ~CudaRasterizer() override {
+    if (ready_ != nullptr) cudaEventDestroy(ready_);
+    // memory is given back in the order of the stream, so the stream goes last
+    buffers_.reset();
+    if (stream_ != nullptr) {
+      cudaStreamSynchronize(stream_);
+      cudaStreamDestroy(stream_);
+    }
+  }
+
+  RasterInfo info() const override {
+    return {absl::StrCat("visibility (cuda, ", device_name_, ")"),
+            absl::StrCat("CUDA visibility rasterizer, ", device_name_, ", 4 samples a pixel")};
+  }
+  bool takes_device() const override { return true; }
+  RasterCounters counters() const override { return counters_; }
+
+  absl::Status upload(std::shared_ptr<const Cast> cast) override;
+  absl::Status draw(const FrameGeometry& geometry, const Camera& camera, const Viewport& viewport,
+                    const glm::dvec3& origin_world, const Look& look, Picture& picture) override;
+
+ private:
+  struct Buffers {
+    explicit Buffers(cudaStream_t s)
+        : character(s),
+          texels(s),
+          flags(s),
+          level(s),
+          level_corners(s),
+          level_at(s),
+          instance(s),
+          vertex_offset(s),
+          triangle_offset(s),
+          vertices(s),
+          indices(s),
+          shade(s),
+          block_count(s),
+          first_block(s),
+          block_instance(s),
+          projected(s),
+          special(s),
+          large(s),
+          tiles(s),
+          candidates(s),
+          casters(s),
+          blobs(s),
+          blob_tiles(s),
+          counts(s),
+          words(s),
+          shadow(s),
+          blob_shadow(s),
+          pixels(s),
+          scratch(s) {}
+    // the cast
+    DeviceBuffer<RasterCharacter> character;
+    DeviceBuffer<std::uint32_t> texels;
+    DeviceBuffer<std::uint8_t> flags;
+    DeviceBuffer<RasterLevel> level;
+    DeviceBuffer<std::uint32_t> level_corners, level_at;
+    // geometry that came from the host
+    DeviceBuffer<VisibleInstance> instance;
+    DeviceBuffer<std::uint32_t> vertex_offset, triangle_offset;
+    DeviceBuffer<BatchVertex> vertices;
+    DeviceBuffer<std::uint32_t> indices;
+    // the frame's
+    DeviceBuffer<InstanceShade> shade;
+    DeviceBuffer<std::uint32_t> block_count, first_block, block_instance;
+    DeviceBuffer<element::SnappedVertex> projected;
+    DeviceBuffer<std::uint32_t> special;
+    DeviceBuffer<LargeTriangle> large;
+    DeviceBuffer<glm::uvec2> tiles;
+    DeviceBuffer<Candidate> candidates;
+    DeviceBuffer<std::uint32_t> casters;
+    DeviceBuffer<BlobRecord> blobs;
+    DeviceBuffer<glm::uvec2> blob_tiles;
+    DeviceBuffer<RasterCounts> counts;
+    DeviceBuffer<Word> words;
+    DeviceBuffer<std::uint32_t> shadow, blob_shadow, pixels;
+    DeviceBuffer<std::byte> scratch;
+    PinnedBuffer read_back;  // the picture and the counts
+
+    std::uint64_t size_bytes() const {
+      const auto sum = [](const auto&... buffer) { return (buffer.size_bytes() + ...); };
+      return sum(character, texels, flags, level, level_corners, level_at, instance, vertex_offset,
+                 triangle_offset, vertices, indices, shade, block_count, first_block,
+                 block_instance, projected, special, large, tiles, candidates, casters, blobs,
+                 blob_tiles, counts, words, shadow, blob_shadow, pixels, scratch);
+    }
+  };
+
+  CudaRasterizer(cudaStream_t stream, cudaEvent_t ready, std::string device_name)
+      : stream_(stream),
+        ready_(ready),
+        device_name_(std::move(device_name)),
+        buffers_(std::make_unique<Buffers>(stream)) {}
+
+  template <typename T>
+  cudaError_t copy(const T* from, std::size_t count, DeviceBuffer<T>& to) {
+    if (const cudaError_t error = to.resize(std::max<std::size_t>(count, 1));
+        error != cudaSuccess || count == 0) {
+      return error;
+    }
+    return cudaMemcpyAsync(to.data(), from, count * sizeof(T), cudaMemcpyHostToDevice, stream_);
+  }
+
+  absl::Status check(const FrameGeometry& geometry, const Viewport& viewport) const;
+  absl::Status take_geometry(const FrameGeometry& geometry, RasterJob& job);
+  absl::Status make_room(RasterJob& job, std::uint32_t most_blocks);
+  absl::Status run(const RasterJob& job, std::uint32_t most_blocks);
+
+  cudaStream_t stream_;
+  cudaEvent_t ready_;
+  std::string device_name_;
+  std::shared_ptr<const Cast> cast_;
+  std::unique_ptr<Buffers> buffers_;
+  RasterCast device_cast_;
+  RasterCounters counters_;
+};
+
+absl::Status CudaRasterizer::upload(std::shared_ptr<const Cast> cast) {
+  if (cast == nullptr || cast->members.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat(kUpload, ": the cast is empty"));
+  }
+  absl::StatusOr<TextureStore> textures = make_textures(*cast);
+  if (!textures.ok()) return textures.status();
+  const LevelTable levels = make_levels(*cast);
+  RasterCast device;
+  device.first_surrounding = static_cast<std::uint32_t>(cast->members.size());
+  std::vector<RasterCharacter> characters;
+  std::vector<std::uint8_t> flags;
+  std::vector<std::uint32_t> level_at;
+  for (std::size_t m = 0; m < cast->members.size(); ++m) {
+    const CastMember& member = cast->members[m];
+    RasterCharacter& character = characters.emplace_back();
+    character.texture = textures->infos[m];
+    character.height_m = member.character.height_m;
+    character.first_flag = static_cast<std::uint32_t>(flags.size());
+    for (const std::uint8_t flag : member.character.triangle_flags) {
+      if ((flag & kTriangleDoubleSided) != 0) character.flags |= RasterCharacter::kDoubleSided;
+      if ((flag & kTriangleAlphaCutout) != 0) character.flags |= RasterCharacter::kHoles;
+      flags.push_back(flag);
+    }
+    if (member.environment) {
+      character.flags |= RasterCharacter::kSurrounding;
+      device.first_surrounding = std::min(device.first_surrounding, static_cast<std::uint32_t>(m));
+    }
+    for (std::uint32_t n = 0; n <= kMostLevelVertices; ++n) {
+      const std::uint32_t level = n < levels.level_at[m].size() ? levels.level_at[m][n] : kNoLevel;
+      level_at.push_back(
+          level < levels.levels.size() && levels.levels[level].character == m ? level : kNoLevel);
+    }
+  }
+  std::vector<RasterLevel> device_levels;
+  for (const Level& level : levels.levels) {
+    device_levels.push_back({level.vertex_count, level.triangle_count, level.first_triangle});
+  }
+  Buffers& b = *buffers_;
+  THRONG_CUDA_TRY(copy(characters.data(), characters.size(), b.character), kUpload);
+  THRONG_CUDA_TRY(copy(textures->texels.data(), textures->texels.size(), b.texels), kUpload);
+  THRONG_CUDA_TRY(copy(flags.data(), flags.size(), b.flags), kUpload);
+  THRONG_CUDA_TRY(copy(device_levels.data(), device_levels.size(), b.level), kUpload);
+  THRONG_CUDA_TRY(copy(levels.corners.data(), levels.corners.size(), b.level_corners), kUpload);
+  THRONG_CUDA_TRY(copy(level_at.data(), level_at.size(), b.level_at), kUpload);
+  THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), kUpload);  // the vectors end here
+  device.character = b.character.data();
+  device.texels = b.texels.data();
+  device.triangle_flags = b.flags.data();
+  device.level = b.level.data();
+  device.level_corners = b.level_corners.data();
+  device.level_at = b.level_at.data();
+  device_cast_ = device;
+  cast_ = std::move(cast);
+  return absl::OkStatus();
+}
+
+absl::Status CudaRasterizer::check(const FrameGeometry& geometry, const Viewport& viewport) const {
+  if (viewport.width_px < 1 || viewport.width_px > kMaxSidePx || viewport.height_px < 1 ||
+      viewport.height_px > kMaxSidePx) {
+    return absl::InvalidArgumentError(absl::StrCat(kDraw, ": viewport is ", viewport.width_px, "x",
+                                                   viewport.height_px,
+                                                   " px, each side must be 1 to ", kMaxSidePx));
+  }
+  if (cast_ == nullptr) {
+    return absl::FailedPreconditionError(absl::StrCat(kDraw, ": no cast is uploaded"));
+  }
+  if (geometry.on_device != nullptr) return absl::OkStatus();
+  const std::size_t count = geometry.instances.size();
+  if (count == 0) return absl::OkStatus();
+  if (!geometry.shared.empty() || !geometry.representation.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat(kDraw, ": takes batched meshes only"));
+  }
+  if (geometry.vertex_offset.size() != count + 1 || geometry.triangle_offset.size() != count + 1 ||
+      geometry.vertex_offset.back() != geometry.vertices.size() ||
+      std::size_t{3} * geometry.triangle_offset.back() != geometry.indices.size()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        kDraw, ": ", count, " instances need offsets of ", count + 1, " that end at ",
+        geometry.vertices.size(), " vertices and ", geometry.indices.size() / 3, " triangles"));
+  }
+  for (const VisibleInstance& instance : geometry.instances) {
+    if (instance.character >= cast_->members.size()) {
+      return absl::InvalidArgumentError(absl::StrCat(kDraw, ": character is ", instance.character,
+                                                     ", the cast has ", cast_->members.size()));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CudaRasterizer::take_geometry(const FrameGeometry& geometry, RasterJob& job) {
+  if (geometry.on_device != nullptr) {
+    const auto* frame = dynamic_cast<const DeviceFrame*>(geometry.on_device);
+    if (frame == nullptr) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(kDraw, ": the geometry is of another backend"));
+    }
+    THRONG_CUDA_TRY(cudaEventRecord(ready_, frame->stream), kDraw);
+    THRONG_CUDA_TRY(cudaStreamWaitEvent(stream_, ready_, 0), kDraw);
+    job.count = frame->instance_count;
+    job.vertices_total = static_cast<std::uint32_t>(frame->vertex_count);
+    job.triangles_total = static_cast<std::uint32_t>(frame->triangle_count);
+    job.instance = frame->instances;
+    job.vertex_offset = frame->vertex_offset;
+    job.triangle_offset = frame->triangle_offset;
+    job.vertices = frame->vertices;
+    job.indices = frame->indices;
+    return absl::OkStatus();
+  }
+  Buffers& b = *buffers_;
+  const std::size_t count = geometry.instances.size();
+  if (count == 0) return absl::OkStatus();
+  THRONG_CUDA_TRY(copy(geometry.instances.data(), count, b.instance), kDraw);
+  THRONG_CUDA_TRY(copy(geometry.vertex_offset.data(), count + 1, b.vertex_offset), kDraw);
+  THRONG_CUDA_TRY(copy(geometry.triangle_offset.data(), count + 1, b.triangle_offset), kDraw);
+  THRONG_CUDA_TRY(copy(geometry.vertices.data(), geometry.vertices.size(), b.vertices), kDraw);
+  THRONG_CUDA_TRY(copy(geometry.indices.data(), geometry.indices.size(), b.indices), kDraw);
+  job.count = static_cast<std::uint32_t>(count);
+  job.vertices_total = static_cast<std::uint32_t>(geometry.vertices.size());
+  job.triangles_total = geometry.triangle_offset.back();
+  job.instance = b.instance.data();
+  job.vertex_offset = b.vertex_offset.data();
+  job.triangle_offset = b.triangle_offset.data();
+  job.vertices = b.vertices.data();
+  job.indices = b.indices.data();
+  return absl::OkStatus();
+}
+
+absl::Status CudaRasterizer::make_room(RasterJob& job, std::uint32_t most_blocks) {
+  Buffers& b = *buffers_;
+  const std::size_t pixels = std::size_t{job.width_px} * job.height_px;
+  const std::size_t words = std::size_t{16} * job.word_blocks_x * ((2 * job.height_px + 3) / 4);
+  THRONG_CUDA_TRY(b.pixels.resize(pixels), kDraw);
+  THRONG_CUDA_TRY(b.counts.resize(1), kDraw);
+  job.pixels = b.pixels.data();
+  job.counts = b.counts.data();
+  THRONG_CUDA_TRY(cudaMemsetAsync(job.counts, 0, sizeof(RasterCounts), stream_), kDraw);
+  if (job.count == 0) return absl::OkStatus();
+  std::size_t scratch_bytes = 0;
+  THRONG_CUDA_TRY(render::cuda::scan_scratch_bytes(job.count + 1, scratch_bytes), kDraw);
+  THRONG_CUDA_TRY(b.scratch.resize(scratch_bytes), kDraw);
+  THRONG_CUDA_TRY(b.shade.resize(job.count), kDraw);
+  THRONG_CUDA_TRY(b.block_count.resize(job.count + 1), kDraw);
+  THRONG_CUDA_TRY(b.first_block.resize(job.count + 1), kDraw);
+  THRONG_CUDA_TRY(b.block_instance.resize(most_blocks), kDraw);
+  THRONG_CUDA_TRY(b.projected.resize(job.vertices_total), kDraw);
+  THRONG_CUDA_TRY(b.special.resize(job.triangles_total), kDraw);
+  THRONG_CUDA_TRY(b.large.resize(kLargeRoom), kDraw);
+  THRONG_CUDA_TRY(b.tiles.resize(kTileRoom), kDraw);
+  THRONG_CUDA_TRY(b.words.resize(words), kDraw);
+  job.shade = b.shade.data();
+  job.block_count = b.block_count.data();
+  job.first_block = b.first_block.data();
+  job.block_instance = b.block_instance.data();
+  job.projected = b.projected.data();
+  job.special = b.special.data();
+  job.large = b.large.data();
+  job.tiles = b.tiles.data();
+  job.words = b.words.data();
+  THRONG_CUDA_TRY(cudaMemsetAsync(job.words, 0, words * sizeof(Word), stream_), kDraw);
+  if (!job.scene.shadows) return absl::OkStatus();
+  THRONG_CUDA_TRY(b.candidates.resize(job.count), kDraw);
+  THRONG_CUDA_TRY(b.casters.resize(job.count), kDraw);
+  THRONG_CUDA_TRY(b.blobs.resize(job.count), kDraw);
+  THRONG_CUDA_TRY(b.blob_tiles.resize(kTileRoom), kDraw);
+  THRONG_CUDA_TRY(b.shadow.resize(words), kDraw);
+  THRONG_CUDA_TRY(b.blob_shadow.resize(pixels), kDraw);
+  job.candidates = b.candidates.data();
+  job.casters = b.casters.data();
+  job.blobs = b.blobs.data();
+  job.blob_tiles = b.blob_tiles.data();
+  job.shadow = b.shadow.data();
+  job.blob_shadow = b.blob_shadow.data();
+  THRONG_CUDA_TRY(cudaMemsetAsync(job.shadow, 0, words * sizeof(std::uint32_t), stream_), kDraw);
+  THRONG_CUDA_TRY(cudaMemsetAsync(job.blob_shadow, 0, pixels * sizeof(std::uint32_t), stream_),
+                  kDraw);
+  return absl::OkStatus();
+}
+
+absl::Status CudaRasterizer::run(const RasterJob& job, std::uint32_t most_blocks) {
+  Buffers& b = *buffers_;
+  if (job.count > 0) {
+    THRONG_CUDA_TRY(launch_prepare(job, stream_), kDraw);
+    std::size_t scratch_bytes = 0;
+    THRONG_CUDA_TRY(render::cuda::scan_scratch_bytes(job.count + 1, scratch_bytes), kDraw);
+    THRONG_CUDA_TRY(render::cuda::launch_scan(job.block_count, job.first_block, job.count + 1,
+                                              b.scratch.data(), scratch_bytes, stream_),
+                    kDraw);
+    THRONG_CUDA_TRY(launch_shadows(job, stream_), kDraw);
+    THRONG_CUDA_TRY(launch_raster(job, most_blocks, stream_), kDraw);
+    THRONG_CUDA_TRY(launch_large(job, stream_), kDraw);
+  }
+  THRONG_CUDA_TRY(launch_resolve(job, stream_), kDraw);
+  return absl::OkStatus();
+}
+
+absl::Status CudaRasterizer::draw(const FrameGeometry& geometry, const Camera& camera,
+                                  const Viewport& viewport, const glm::dvec3& origin_world,
+                                  const Look& look, Picture& picture) {
+  if (absl::Status status = check(geometry, viewport); !status.ok()) return status;
+  RasterJob job;
+  job.cast = device_cast_;
+  job.scene = make_scene_frame(camera, viewport, origin_world, look);
+  job.channel = {look.channel_low, look.channel_high, look.color_by_channel};
+  job.width_px = viewport.width_px;
+  job.height_px = viewport.height_px;
+  job.grid = {clip_from_relative(camera, viewport),
+              static_cast<std::int32_t>(2 * viewport.width_px),
+              static_cast<std::int32_t>(2 * viewport.height_px)};
+  job.word_blocks_x = (2 * viewport.width_px + 3) / 4;
+  if (absl::Status status = take_geometry(geometry, job); !status.ok()) return status;
+  const std::uint32_t most_blocks = job.triangles_total / element::kBlockTriangles + job.count;
+  if (most_blocks > element::kMaxBlocks) {
+    return absl::ResourceExhaustedError(absl::StrCat(
+        kDraw, ": up to ", most_blocks, " triangle blocks, at most ", element::kMaxBlocks));
+  }
+  if (absl::Status status = make_room(job, most_blocks); !status.ok()) return status;
+  if (absl::Status status = run(job, most_blocks); !status.ok()) return status;
+
+  // the picture and the counts are all that is read back
+  const std::size_t picture_bytes = std::size_t{4} * job.width_px * job.height_px;
+  Buffers& b = *buffers_;
+  THRONG_CUDA_TRY(b.read_back.resize(picture_bytes + sizeof(RasterCounts)), kDraw);
+  auto* read_back = static_cast<std::byte*>(b.read_back.data());
+  RasterCounts counts;
+  static_assert(alignof(RasterCounts) <= 8);
+  THRONG_CUDA_TRY(
+      cudaMemcpyAsync(read_back, job.pixels, picture_bytes, cudaMemcpyDeviceToHost, stream_),
+      kDraw);
+  THRONG_CUDA_TRY(cudaMemcpyAsync(read_back + picture_bytes, job.counts, sizeof(RasterCounts),
+                                  cudaMemcpyDeviceToHost, stream_),
+                  kDraw);
+  THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), kDraw);
+  std::memcpy(&counts, read_back + picture_bytes, sizeof counts);
+  picture.width_px = viewport.width_px;
+  picture.height_px = viewport.height_px;
+  picture.rgbx.resize(picture_bytes);
+  std::memcpy(picture.rgbx.data(), read_back, picture_bytes);
+  counters_ = {};
+  counters_.drawn = job.count;
+  counters_.triangles = job.triangles_total;
+  counters_.surviving = counts.surviving;
+  counters_.size_bytes = b.size_bytes();
+  return absl::OkStatus();
+}
+
+}  // namespace
+}  // namespace cuda
+
+absl::StatusOr<std::unique_ptr<Rasterizer>> make_cuda_rasterizer() {
+  return cuda::CudaRasterizer::make();
+}
+
+}  // namespace throng::render::visibility

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include "render/raster/visibility/cuda/raster_types.hpp"
+
+// Every launch is asynchronous on `stream` and returns what the runtime said of it.
+namespace throng::render::visibility::cuda {
+
+/// What shading needs of every instance, and how many triangle blocks it has.
+cudaError_t launch_prepare(const RasterJob& job, cudaStream_t stream);
+
+/// Who casts a projected shadow, the shadows of those and of all others. After launch_prepare.
+cudaError_t launch_shadows(const RasterJob& job, cudaStream_t stream);
+
+/// All triangles into `words`. `first_block` is known.
+cudaError_t launch_raster(const RasterJob& job, std::uint32_t most_blocks, cudaStream_t stream);
+
+/// Triangles that raster and shadows left to whole tiles.
+cudaError_t launch_large(const RasterJob& job, cudaStream_t stream);
+
+/// Words and shadows to `pixels`.
+cudaError_t launch_resolve(const RasterJob& job, cudaStream_t stream);
+
+}  // namespace throng::render::visibility::cuda

@@ -1,0 +1,130 @@
+#pragma once
+
+#include <cstdint>
+#include <glm/glm.hpp>
+
+#include "render/raster/element/instance_shade.hpp"
+#include "render/raster/visibility/element/clip.hpp"
+#include "render/raster/visibility/element/cutout.hpp"
+#include "render/raster/visibility/element/shade.hpp"
+#include "render/raster/visibility/element/shadow.hpp"
+#include "throng/render/vertex.hpp"
+
+// What lies in device memory and what the kernels are given. GLM and elements only.
+namespace throng::render::visibility::cuda {
+
+using Word = unsigned long long;  // as atomicMax takes it; element/word.hpp says what is in it
+
+/// What drawing needs of a member of the cast.
+struct RasterCharacter {
+  element::TextureInfo texture;
+  float height_m = 0.0F;
+  std::uint32_t flags = 0;
+  std::uint32_t first_flag = 0;  // of triangle_flags
+  static constexpr std::uint32_t kDoubleSided = 1, kHoles = 2, kSurrounding = 4;
+};
+
+/// A level of detail that shadows are drawn with.
+struct RasterLevel {
+  std::uint32_t vertex_count = 0, triangle_count = 0, first_triangle = 0;
+};
+inline constexpr std::uint32_t kNoLevel = 0xffffffffU;
+inline constexpr std::uint32_t kMostLevelVertices = 1024;
+
+struct RasterCast {
+  const RasterCharacter* character = nullptr;
+  const std::uint32_t* texels = nullptr;
+  const std::uint8_t* triangle_flags = nullptr;
+  const RasterLevel* level = nullptr;
+  const std::uint32_t* level_corners = nullptr;  // three vertices in bits 0, 10 and 20
+  const std::uint32_t* level_at = nullptr;       // [members][kMostLevelVertices + 1], or kNoLevel
+  std::uint32_t first_surrounding = 0;
+};
+
+/// A triangle that is drawn tile by tile.
+struct LargeTriangle {
+  element::SnappedVertex v[3];
+  std::uint32_t id;
+  std::uint32_t flags;
+  std::uint32_t first_corner;  // of indices, for the holes' texture coordinates
+  std::uint32_t character;
+  static constexpr std::uint32_t kDoubleSided = 1, kHoles = 2, kShadow = 4;
+};
+static_assert(sizeof(LargeTriangle) == 64);
+
+/// Numbers that kernels count, once a frame.
+struct RasterCounts {
+  std::uint32_t special = 0;  // triangles to clip or with holes
+  std::uint32_t large = 0;    // may exceed the room: what has none is drawn at once
+  std::uint32_t tiles = 0;    // likewise
+  std::uint32_t blob_tiles = 0;
+  std::uint32_t candidates = 0, casters = 0;
+  unsigned long long caster_key = 0;  // candidates above it cast a shadow
+  unsigned long long surviving = 0;   // triangles that face the eye and may cover a sample
+};
+
+/// Who may cast a shadow, the tallest first: size's bits, then the first in the list.
+struct Candidate {
+  unsigned long long key;
+  std::uint32_t instance, triangles;
+};
+
+struct BlobRecord {
+  element::Blob blob;
+  element::SampleBox box;
+};
+
+inline constexpr std::uint32_t kTileSide = 64;      // samples
+inline constexpr std::uint32_t kBlobTileSide = 64;  // pixels
+inline constexpr std::uint32_t kLargeRoom = 1U << 16;
+inline constexpr std::uint32_t kTileRoom = 1U << 20;
+
+/// One frame. Shapes: V visible instances, B triangle blocks.
+struct RasterJob {
+  RasterCast cast;
+  SceneFrame scene;
+  element::SampleGrid grid;
+  element::ChannelRange channel;
+  std::uint32_t width_px = 0, height_px = 0;
+  std::uint32_t word_blocks_x = 0;  // of 4x4 samples
+
+  // batched geometry
+  std::uint32_t count = 0;  // V
+  std::uint32_t vertices_total = 0;
+  std::uint32_t triangles_total = 0;
+  const VisibleInstance* instance = nullptr;       // [V]
+  const std::uint32_t* vertex_offset = nullptr;    // [V+1]
+  const std::uint32_t* triangle_offset = nullptr;  // [V+1]
+  const BatchVertex* vertices = nullptr;
+  const std::uint32_t* indices = nullptr;
+
+  // of the frame
+  InstanceShade* shade = nullptr;               // [V]
+  std::uint32_t* block_count = nullptr;         // [V+1]
+  std::uint32_t* first_block = nullptr;         // [V+1] exclusive prefix sum
+  std::uint32_t* block_instance = nullptr;      // [B]
+  element::SnappedVertex* projected = nullptr;  // [vertices_total]
+  std::uint32_t* special = nullptr;             // [triangles_total] ids
+  LargeTriangle* large = nullptr;               // [kLargeRoom]
+  glm::uvec2* tiles = nullptr;                  // [kTileRoom] large triangle; x | y << 16
+  Candidate* candidates = nullptr;              // [V]
+  std::uint32_t* casters = nullptr;             // [V]
+  BlobRecord* blobs = nullptr;                  // [V]
+  glm::uvec2* blob_tiles = nullptr;             // [kTileRoom] instance; x | y << 16
+  RasterCounts* counts = nullptr;               // [1]
+  Word* words = nullptr;                        // samples, see word_index
+  std::uint32_t* shadow = nullptr;              // [words] bits of the light that is missing
+  std::uint32_t* blob_shadow = nullptr;         // [pixels]
+  std::uint32_t* pixels = nullptr;              // [height][width] r g b 255
+};
+
+/// Place of a sample: blocks of 4x4 samples row by row, a cache line each; in them the four samples
+/// of a pixel side by side (bit 0 right, bit 1 below).
+THRONG_HOST_DEVICE inline std::size_t word_index(std::uint32_t word_blocks_x, std::uint32_t x,
+                                                 std::uint32_t y) {
+  const std::size_t block = static_cast<std::size_t>(y >> 2) * word_blocks_x + (x >> 2);
+  const std::uint32_t pixel = (y & 2U) | ((x >> 1) & 1U);
+  return (block << 4) | (pixel << 2) | ((y & 1U) << 1) | (x & 1U);
+}
+
+}  // namespace throng::render::visibility::cuda

@@ -1,0 +1,100 @@
+#include "render/compute/cuda/kernel.hpp"
+#include "render/raster/visibility/cuda/launch.hpp"
+#include "render/raster/visibility/element/word.hpp"
+
+namespace throng::render::visibility::cuda {
+namespace {
+
+constexpr std::uint32_t kTileX = 16, kTileY = 8;  // pixels of a block of threads
+
+__device__ element::ShadeCorners corners_of(const RasterJob& job, std::uint32_t instance,
+                                            std::uint32_t id) {
+  const std::uint32_t t =
+      (element::block_of(id) - job.first_block[instance]) * element::kBlockTriangles +
+      element::triangle_of(id);
+  const std::uint32_t* index = job.indices + 3 * (job.triangle_offset[instance] + t);
+  element::ShadeCorners corners;
+  for (int k = 0; k < 3; ++k) {
+    const BatchVertex& vertex = job.vertices[index[k]];
+    corners.p[k] = vertex.position_relative;
+    corners.n[k] = element::rough_octahedral(
+        static_cast<std::uint32_t>(static_cast<std::uint16_t>(vertex.normal.x)) |
+        static_cast<std::uint32_t>(static_cast<std::uint16_t>(vertex.normal.y)) << 16);
+    corners.uv[k] =
+        static_cast<std::uint32_t>(vertex.uv.x) | static_cast<std::uint32_t>(vertex.uv.y) << 16;
+  }
+  return corners;
+}
+
+/// One pixel: each instance seen in its four samples is shaded once, where its samples are on the
+/// average; the rest is ground or sky.
+__global__ void __launch_bounds__(kTileX* kTileY) resolve_kernel(RasterJob job) {
+  const std::uint32_t tiles_x = (job.width_px + kTileX - 1) / kTileX;
+  const std::uint32_t x = blockIdx.x % tiles_x * kTileX + threadIdx.x % kTileX;
+  const std::uint32_t y = blockIdx.x / tiles_x * kTileY + threadIdx.x / kTileX;
+  if (x >= job.width_px || y >= job.height_px) return;
+  const std::size_t at = word_index(job.word_blocks_x, 2 * x, 2 * y);
+  glm::vec3 color(0.0F, 0.0F, 0.0F);
+  float background = 1.0F;
+  if (job.count > 0) {
+    std::uint32_t id[4], instance[4], rest = 0;
+    for (std::uint32_t k = 0; k < 4; ++k) {
+      const Word word = job.words[at + k];
+      id[k] = static_cast<std::uint32_t>(word);
+      instance[k] = 0;
+      if (word == 0) continue;
+      rest |= 1U << k;
+      background -= 0.25F;
+      instance[k] = job.block_instance[element::block_of(id[k])];
+    }
+    while (rest != 0) {
+      const std::uint32_t first = (rest & 1U) != 0   ? 0
+                                  : (rest & 2U) != 0 ? 1
+                                  : (rest & 4U) != 0 ? 2
+                                                     : 3;
+      std::uint32_t same = 0;
+      float samples = 0.0F, sum_x = 0.0F, sum_y = 0.0F;
+      for (std::uint32_t k = 0; k < 4; ++k) {
+        if ((rest >> k & 1U) == 0 || instance[k] != instance[first]) continue;
+        same |= 1U << k;
+        samples += 1.0F;
+        sum_x += (k & 1U) != 0 ? 0.75F : 0.25F;
+        sum_y += (k & 2U) != 0 ? 0.75F : 0.25F;
+      }
+      rest &= ~same;
+      const InstanceShade& shade = job.shade[instance[first]];
+      const glm::vec3 one = element::shade_triangle(
+          job.scene, shade, job.cast.character[shade.character].texture, job.cast.texels,
+          corners_of(job, instance[first], id[first]), static_cast<float>(x) + sum_x / samples,
+          static_cast<float>(y) + sum_y / samples);
+      color = color + one * (0.25F * samples);
+    }
+  }
+  if (background > 0.0F) {
+    float missing = 0.0F;
+    if (job.count > 0 && job.scene.shadows) {
+      float d[4];
+      for (std::uint32_t k = 0; k < 4; ++k) d[k] = element::bits_float(job.shadow[at + k]);
+      missing = element::most(
+          0.25F * (((d[0] + d[1]) + d[2]) + d[3]),
+          element::bits_float(job.blob_shadow[static_cast<std::size_t>(y) * job.width_px + x]));
+    }
+    const glm::vec3 ground =
+        element::shade_background(job.scene, static_cast<int>(x), static_cast<int>(y));
+    color = color + (ground * (1.0F - missing)) * background;
+  }
+  std::uint32_t code = 0xff000000U;
+  for (int c = 0; c < 3; ++c) code |= element::srgb_code(color[c]) << (8 * c);
+  job.pixels[static_cast<std::size_t>(y) * job.width_px + x] = code;
+}
+
+}  // namespace
+
+cudaError_t launch_resolve(const RasterJob& job, cudaStream_t stream) {
+  const std::uint32_t blocks =
+      (job.width_px + kTileX - 1) / kTileX * ((job.height_px + kTileY - 1) / kTileY);
+  THRONG_LAUNCH_APART(resolve_kernel, blocks, kTileX * kTileY, stream, job);
+  return cudaGetLastError();
+}
+
+}  // namespace throng::render::visibility::cuda

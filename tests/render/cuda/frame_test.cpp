@@ -1,0 +1,274 @@
+// Whole frames by the CUDA sources, compiled for the processor: the same decisions, vertices and
+// pictures as by the processor's own backend and rasterizer, byte for byte.
+#include <cuda_runtime_api.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "render/compute/cuda/cuda_backend.hpp"
+#include "render/compute/frame_fixture.hpp"
+#include "render/raster/visibility/cuda/cuda_rasterizer.hpp"
+#include "throng/render/environment.hpp"
+#include "throng/render/raster.hpp"
+
+namespace throng::render {
+namespace {
+
+using test::cuda_on_host::faults;
+
+/// A backend and a rasterizer, driven stage by stage.
+struct Renderer {
+  std::unique_ptr<ComputeBackend> backend;
+  std::unique_ptr<Rasterizer> rasterizer;
+  std::unique_ptr<ViewWork> view;
+  bool on_device = false;
+
+  static Renderer on_processor() {
+    return {make_backend(BackendKind::kCpu, 2).value(),
+            make_rasterizer(RasterKind::kVisibility, 2).value(), nullptr, false};
+  }
+  static Renderer on_cuda() {
+    return {make_cuda_backend().value(), visibility::make_cuda_rasterizer().value(), nullptr, true};
+  }
+
+  absl::Status upload(const std::shared_ptr<const Cast>& cast) {
+    if (absl::Status status = backend->upload(cast); !status.ok()) return status;
+    if (absl::Status status = rasterizer->upload(cast); !status.ok()) return status;
+    view = backend->make_view().value();
+    return absl::OkStatus();
+  }
+};
+
+struct Scene {
+  const char* name = "";
+  std::size_t agents = 0;
+  double side_m = 20.0;
+  Camera camera = {.eye_world = {0, -6, 3}, .target_world = {0, 4, 1}};
+  Viewport viewport = {98, 70};  // no multiple of a tile
+  Selection selection = {.vertex_budget = 40'000};
+  bool shadows = true;
+  bool walls = false;
+  bool colors = false;
+  std::int64_t time_us = 50'000;
+};
+
+std::string name_of(const testing::TestParamInfo<Scene>& info) { return info.param.name; }
+
+/// The cast with walls after it, where the scene has some.
+std::shared_ptr<const Cast> cast_of(const Scene& scene, Surroundings& surroundings) {
+  auto cast = std::make_shared<Cast>(*test::tiny_cast());
+  if (!scene.walls) return cast;
+  const auto environment =
+      make_environment("POLYGON ((-7 -7, 7 -7, 7 7, -7 7, -7 -7), (2 1, 4 1, 4 3, 2 3, 2 1))", {})
+          .value();
+  surroundings = {static_cast<std::uint32_t>(cast->members.size()),
+                  static_cast<std::uint32_t>(environment->pieces.size())};
+  for (const Character& piece : environment->pieces) cast->members.push_back({piece, 0.0F, true});
+  return cast;
+}
+
+std::unique_ptr<Crowd> crowd_of(const Scene& scene, const std::shared_ptr<const Cast>& cast) {
+  auto crowd = std::make_unique<Crowd>(cast, CrowdSettings{.channel_names = {"density"}});
+  for (int f = 0; f < 2; ++f) {
+    std::vector<std::uint64_t> ids;
+    AgentFrame frame;
+    std::vector<float> density;
+    for (std::size_t i = 0; i < scene.agents; ++i) {
+      if (f == 1 && i % 7 == 0) continue;  // the roster changes
+      ids.push_back(1000 + i);
+      const auto place = [&](std::uint64_t k) {
+        return static_cast<float>((test::noise(5 * i + k) - 0.5) * scene.side_m + 0.1 * f);
+      };
+      frame.position_m.emplace_back(place(1), place(2), 0.0F);
+      density.push_back(static_cast<float>(test::noise(5 * i + 3)));
+    }
+    frame.time_us = 100'000 * f;
+    frame.membership = test::members(ids, static_cast<std::uint64_t>(f + 1));
+    frame.channels.push_back(std::move(density));
+    EXPECT_TRUE(crowd->push(frame).ok());
+  }
+  return crowd;
+}
+
+/// All stages up to the geometry.
+absl::Status generate(Renderer& renderer, const Scene& scene, const Crowd& crowd,
+                      Surroundings surroundings) {
+  const Bracket bracket = crowd.bracket(scene.time_us);
+  ComputeBackend& backend = *renderer.backend;
+  auto older = backend.upload(bracket.older), newer = backend.upload(bracket.newer);
+  if (!older.ok()) return older.status();
+  if (!newer.ok()) return newer.status();
+  auto instances = backend.advance(**older, **newer, scene.time_us, crowd.settings(),
+                                   scene.colors ? 0 : -1, surroundings);
+  if (!instances.ok()) return instances.status();
+  absl::Status status = backend.cull(*renderer.view, *instances, scene.camera, scene.viewport);
+  Selection selection = scene.selection;
+  selection.on_device = renderer.on_device;
+  if (status.ok()) status = backend.select(*renderer.view, selection);
+  if (status.ok()) status = backend.allocate(*renderer.view);
+  if (status.ok()) status = backend.generate(*renderer.view);
+  return status;
+}
+
+absl::Status draw(Renderer& renderer, const FrameGeometry& geometry, const Scene& scene,
+                  Picture& picture) {
+  Look look;
+  look.shadows = scene.shadows;
+  look.color_by_channel = scene.colors;
+  return renderer.rasterizer->draw(geometry, scene.camera, scene.viewport, {}, look, picture);
+}
+
+void expect_same_picture(const Picture& expected, const Picture& actual) {
+  ASSERT_EQ(expected.rgbx.size(), actual.rgbx.size());
+  for (std::size_t i = 0; i < expected.rgbx.size(); i += 4) {
+    ASSERT_EQ(std::memcmp(&expected.rgbx[i], &actual.rgbx[i], 4), 0)
+        << "pixel " << i / 4 % expected.width_px << ", " << i / 4 / expected.width_px << ": "
+        << int{expected.rgbx[i]} << ' ' << int{expected.rgbx[i + 1]} << ' '
+        << int{expected.rgbx[i + 2]} << " and " << int{actual.rgbx[i]} << ' '
+        << int{actual.rgbx[i + 1]} << ' ' << int{actual.rgbx[i + 2]};
+  }
+}
+
+template <typename T>
+void expect_same_bytes(std::span<const T> cpu, std::span<const T> cuda, const char* what) {
+  ASSERT_EQ(cpu.size(), cuda.size()) << what;
+  for (std::size_t i = 0; i < cpu.size(); ++i) {
+    ASSERT_EQ(std::memcmp(&cpu[i], &cuda[i], sizeof(T)), 0) << what << ", element " << i;
+  }
+}
+
+class CudaFrameTest : public testing::TestWithParam<Scene> {
+ protected:
+  void TearDown() override { faults = {}; }
+};
+
+TEST_P(CudaFrameTest, IsTheProcessorsByteForByte) {
+  const Scene& scene = GetParam();
+  Surroundings surroundings;
+  const auto cast = cast_of(scene, surroundings);
+  const auto crowd = crowd_of(scene, cast);
+  Renderer cpu = Renderer::on_processor(), cuda = Renderer::on_cuda();
+  for (Renderer* renderer : {&cpu, &cuda}) {
+    ASSERT_TRUE(renderer->upload(cast).ok());
+    const absl::Status status = generate(*renderer, scene, *crowd, surroundings);
+    ASSERT_TRUE(status.ok()) << status;
+  }
+  Picture expected, actual, through_host;
+  const FrameGeometry geometry = cpu.backend->geometry(*cpu.view);
+  ASSERT_TRUE(draw(cpu, geometry, scene, expected).ok());
+  const FrameGeometry frame = cuda.backend->geometry(*cuda.view);
+  ASSERT_NE(frame.on_device, nullptr);
+  absl::Status status = draw(cuda, frame, scene, actual);
+  ASSERT_TRUE(status.ok()) << status;
+  expect_same_picture(expected, actual);
+  EXPECT_EQ(cpu.backend->counters(*cpu.view).visible > 0, scene.agents > 0);
+  // the processor's geometry drawn by CUDA
+  status = draw(cuda, geometry, scene, through_host);
+  ASSERT_TRUE(status.ok()) << status;
+  expect_same_picture(expected, through_host);
+  // and what CUDA decided, read back
+  cuda.on_device = false;
+  status = generate(cuda, scene, *crowd, surroundings);
+  ASSERT_TRUE(status.ok()) << status;
+  const FrameGeometry read = cuda.backend->geometry(*cuda.view);
+  expect_same_bytes(geometry.instances, read.instances, "visible instances");
+  expect_same_bytes(geometry.vertex_offset, read.vertex_offset, "vertex offsets");
+  expect_same_bytes(geometry.triangle_offset, read.triangle_offset, "triangle offsets");
+  expect_same_bytes(geometry.vertices, read.vertices, "vertices");
+  expect_same_bytes(geometry.indices, read.indices, "indices");
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Scenes, CudaFrameTest,
+    testing::Values(Scene{.name = "Nobody"}, Scene{.name = "Crowd", .agents = 60},
+                    Scene{.name = "Close",
+                          .agents = 60,
+                          .side_m = 8,
+                          .camera = {.eye_world = {0, 0, 1.6}, .target_world = {3, 1, 1}}},
+                    Scene{.name = "Far",
+                          .agents = 150,
+                          .side_m = 60,
+                          .camera = {.eye_world = {0, -90, 30}, .target_world = {0, 0, 0}},
+                          .selection = {.vertex_budget = 10'000}},
+                    Scene{.name = "Orthographic",
+                          .agents = 60,
+                          .camera = {.eye_world = {5, -20, 25},
+                                     .target_world = {0, 0, 0},
+                                     .ortho_height_m = 18}},
+                    Scene{.name = "Colors", .agents = 40, .colors = true},
+                    Scene{.name = "NoShadows", .agents = 40, .shadows = false},
+                    Scene{.name = "Walls", .agents = 60, .side_m = 10, .walls = true},
+                    Scene{.name = "AtTheEnd",
+                          .agents = 40,
+                          .side_m = 6,
+                          .walls = true,
+                          .colors = true,
+                          .time_us = 100'000}),
+    name_of);
+
+TEST_F(CudaFrameTest, TellsWhatIsMissing) {
+  faults.devices = cudaErrorNoDevice;
+  const auto backend = make_cuda_backend();
+  EXPECT_EQ(backend.status().code(), absl::StatusCode::kUnavailable);
+  const auto rasterizer = visibility::make_cuda_rasterizer();
+  EXPECT_EQ(rasterizer.status().code(), absl::StatusCode::kUnavailable);
+  EXPECT_NE(rasterizer.status().message().find("nvidia-smi"), std::string::npos);
+}
+
+TEST_F(CudaFrameTest, RunsOutOfMemoryWithoutLosingTheRest) {
+  const Scene scene{.agents = 50};
+  Surroundings none;
+  const auto cast = cast_of(scene, none);
+  const auto crowd = crowd_of(scene, cast);
+  Renderer cuda = Renderer::on_cuda();
+  ASSERT_TRUE(cuda.upload(cast).ok());
+  ASSERT_TRUE(generate(cuda, scene, *crowd, none).ok());
+  Picture picture;
+  faults.most_bytes = 1000;
+  const absl::Status full = draw(cuda, cuda.backend->geometry(*cuda.view), scene, picture);
+  EXPECT_EQ(full.code(), absl::StatusCode::kResourceExhausted) << full;
+  faults = {};
+  const absl::Status again = draw(cuda, cuda.backend->geometry(*cuda.view), scene, picture);
+  EXPECT_TRUE(again.ok()) << again;
+}
+
+TEST_F(CudaFrameTest, TellsOfAKernelThatWentWrong) {
+  const Scene scene{.agents = 5};
+  Surroundings none;
+  const auto cast = cast_of(scene, none);
+  const auto crowd = crowd_of(scene, cast);
+  Renderer cuda = Renderer::on_cuda();
+  ASSERT_TRUE(cuda.upload(cast).ok());
+  ASSERT_TRUE(generate(cuda, scene, *crowd, none).ok());
+  Picture picture;
+  for (const cudaError_t error : {cudaErrorIllegalAddress, cudaErrorLaunchFailure}) {
+    faults.wait = error;
+    const absl::Status status = draw(cuda, cuda.backend->geometry(*cuda.view), scene, picture);
+    EXPECT_EQ(status.code(), absl::StatusCode::kInternal) << status;
+  }
+  faults = {};
+  faults.launch = cudaErrorLaunchFailure;
+  EXPECT_EQ(draw(cuda, cuda.backend->geometry(*cuda.view), scene, picture).code(),
+            absl::StatusCode::kInternal);
+}
+
+TEST_F(CudaFrameTest, RefusesWhatItCanNotDraw) {
+  const Scene scene{.agents = 5};
+  Surroundings none;
+  const auto cast = cast_of(scene, none);
+  Renderer cuda = Renderer::on_cuda();
+  Picture picture;
+  EXPECT_EQ(draw(cuda, {}, scene, picture).code(), absl::StatusCode::kFailedPrecondition);
+  ASSERT_TRUE(cuda.upload(cast).ok());
+  Scene huge = scene;
+  huge.viewport = {20'000, 10};
+  EXPECT_EQ(draw(cuda, {}, huge, picture).code(), absl::StatusCode::kInvalidArgument);
+  struct Other : DeviceGeometry {
+  } other;
+  FrameGeometry geometry;
+  geometry.on_device = &other;
+  EXPECT_EQ(draw(cuda, geometry, scene, picture).code(), absl::StatusCode::kInvalidArgument);
+}
+
+}  // namespace
+}  // namespace throng::render
