@@ -3,7 +3,6 @@
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
-#include <grpcpp/grpcpp.h>
 
 #include <chrono>
 #include <cmath>
@@ -13,7 +12,8 @@
 #include <vector>
 
 #include "client/cli/interrupt.hpp"
-#include "throng/v1/view.grpc.pb.h"
+#include "client/view/view_stream.hpp"
+#include "throng/v1/view.pb.h"
 
 namespace throng::client {
 namespace {
@@ -63,35 +63,22 @@ absl::Status stream_view(const ViewCommand& command,
   using Clock = std::chrono::steady_clock;
   const auto connection = Connection::open(command.common.connection);
   if (!connection.ok()) return connection.status();
-  const auto stub = v1::ViewService::NewStub((*connection)->channel());
   const auto give_up =
       Clock::now() + std::chrono::milliseconds(static_cast<std::int64_t>(1000 * command.wait_s));
   for (;;) {
-    grpc::ClientContext context;
-    (*connection)->prepare(context);
-    const OnInterrupt cancel([&context] { context.TryCancel(); });
-    const auto stream = stub->StreamView(&context);
+    ViewStream stream(*connection, options_of(command));
+    const OnInterrupt cancel([&stream] { stream.cancel(); });
     v1::StreamViewRequest request;
-    *request.mutable_options() = options_of(command);
     v1::StreamViewResponse frame;
-    bool enough = false, any = false;
-    bool open = stream->Write(request);
-    request.clear_options();
-    while (open && !enough && stream->Read(&frame)) {
+    bool open = true, enough = false, any = false;
+    while (open && !enough && stream.read(frame)) {
       any = true;
       enough = on_frame(frame) == Next::kEnough;
       request.set_acked_frame_index(frame.frame_index());
-      open = enough || stream->Write(request);
+      open = enough || stream.send(request);
     }
-    if (enough || interrupted() != 0) {
-      context.TryCancel();
-      stream->Finish();
-      return absl::OkStatus();
-    }
-    // A write that failed says nothing; the status does, after what is left to read.
-    while (stream->Read(&frame)) {
-    }
-    const absl::Status status = from_grpc(stream->Finish(), **connection);
+    if (enough || interrupted() != 0) return absl::OkStatus();
+    const absl::Status status = stream.finish();
 
     // The crowd, or the server, may still come.
     const bool may_come = absl::IsNotFound(status) || absl::IsUnavailable(status);

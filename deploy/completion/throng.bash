@@ -1,4 +1,4 @@
-# Completion for throng, throng-server, throng-render and throng-bake: asks the programs themselves
+# Completion for throng, throng-view, throng-server, throng-render and throng-bake: asks the programs themselves
 # (--help), so it never falls behind them. Source it, or put it into /etc/bash_completion.d.
 
 _throng() {
@@ -27,4 +27,4 @@ _throng() {
     mapfile -t COMPREPLY < <(compgen -W "$subs" -- "$word")
   fi
 }
-complete -o default -F _throng throng throng-server throng-render throng-bake
+complete -o default -F _throng throng throng-server throng-render throng-bake throng-view

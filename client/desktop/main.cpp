@@ -1,0 +1,112 @@
+// throng-view: a crowd in a window. Flags and wiring only.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+#include <sstream>
+#include <string>
+
+#include "client/desktop/window.hpp"
+
+namespace {
+
+enum ExitCode : int { kOk = 0, kFailure = 1, kUsage = 2 };
+
+constexpr const char* kFooter =
+    R"(Drag turns, right drag moves, the wheel comes nearer, a click follows a person; ? shows all keys.
+Examples:
+  throng-view
+  throng-view --server host:7447 --crowd station --size 1600x900
+  throng-view --crowd station --channel speed --channel-high 2 --overlays time,scale,density
+  throng-view --crowd station --screenshot station.png
+  throng-view --crowd station --script tour.txt --json
+
+A script has lines such as: wait frames>2, click 640 380, drag 100 100 300 120 right, wheel 3 640 380,
+key T, press W, release W, size 800 600, state out.jsonl, screenshot out.png.
+Exit codes: 0 done, 1 failure, 2 usage.)";
+
+int fail(const absl::Status& status) {
+  std::fprintf(stderr, "throng-view: %s\n", std::string(status.message()).c_str());
+  return absl::IsInvalidArgument(status) ? kUsage : kFailure;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  using namespace throng::client;
+  WindowSettings settings;
+  std::string size = "1280x720", overlays, script;
+  CLI::App app{"Shows a crowd that a throng server draws, in a window.", "throng-view"};
+  app.footer(kFooter);
+  app.set_version_flag("--version", "throng-view " THRONG_VERSION);
+  app.add_option("--server", settings.connection.url,
+                 "HOST:PORT, grpcs://HOST:PORT for TLS (default: THRONG_URL, else 127.0.0.1:7447)");
+  app.add_option("--ca-file", settings.connection.ca_file,
+                 "PEM that the server's certificate is checked with (default: THRONG_CA_FILE)");
+  app.add_option("--token-file", settings.connection.token_file,
+                 "File with the token to show (default: THRONG_TOKEN_FILE)");
+  app.add_option("--crowd", settings.viewer.crowd,
+                 "Name of the crowd (default: the only one, or the one chosen in the window)");
+  app.add_option("--size", size, "WIDTHxHEIGHT of the window, px")->capture_default_str();
+  app.add_option("--follow", settings.viewer.follow, "Follow the agent with this id");
+  app.add_option("--channel", settings.viewer.channel, "Colour agents by this channel");
+  app.add_option("--channel-low", settings.viewer.channel_low, "Value of the lowest colour");
+  app.add_option("--channel-high", settings.viewer.channel_high, "Value of the highest colour");
+  app.add_option("--overlays", overlays, "Of ids,trails,density,grid,scale,time");
+  app.add_option("--fps", settings.viewer.rate_hz, "Frames per second at most")
+      ->capture_default_str()
+      ->check(CLI::Range(0.1, 1000.0));
+  app.add_option("--vertex-budget", settings.viewer.vertex_budget,
+                 "Vertices per frame (0: the server decides)")
+      ->capture_default_str();
+  app.add_option("--pictures", settings.pictures, "Folder that P saves pictures to")
+      ->capture_default_str()
+      ->type_name("DIR");
+  app.add_option("--screenshot", settings.screenshot,
+                 "Write the first picture of a hidden window, and end")
+      ->type_name("FILE.png");
+  app.add_option("--script", script, "Play these events in a hidden window, and end")
+      ->type_name("FILE");
+  app.add_option("--patience", settings.patience_s, "Seconds a screenshot or script waits at most")
+      ->capture_default_str()
+      ->check(CLI::Range(0.1, 86400.0));
+  app.add_flag("--json", settings.prints_state, "Print what was shown as JSON, at the end");
+  try {
+    app.parse(argc, argv);
+    unsigned width = 0, height = 0;
+    char rest = 0;
+    if (std::sscanf(size.c_str(), "%5ux%5u%c", &width, &height, &rest) != 2 || width < 64 ||
+        height < 64 || width > 8192 || height > 8192) {
+      throw CLI::ValidationError("--size",
+                                 "'" + size + "' is not WIDTHxHEIGHT with 64 to 8192 px a side");
+    }
+    settings.width_px = width;
+    settings.height_px = height;
+    std::stringstream names(overlays);
+    for (std::string name; std::getline(names, name, ',');) {
+      const auto* const found = std::find_if(std::begin(kOverlayNames), std::end(kOverlayNames),
+                                             [&](const char* one) { return name == one; });
+      if (found == std::end(kOverlayNames)) {
+        throw CLI::ValidationError("--overlays", "'" + name + "' is not one of ids, trails, " +
+                                                     "density, grid, scale, time");
+      }
+      settings.viewer.overlays.set(static_cast<std::size_t>(found - std::begin(kOverlayNames)));
+    }
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? kOk : kUsage;
+  }
+  if (!script.empty()) {
+    std::ifstream file(script, std::ios::binary);
+    const std::string text{std::istreambuf_iterator<char>(file), {}};
+    if (!file) return fail(absl::InvalidArgumentError(script + ": can't be read"));
+    auto steps = parse_script(text);
+    if (!steps.ok()) {
+      return fail(
+          absl::InvalidArgumentError(script + ": " + std::string(steps.status().message())));
+    }
+    settings.script = *std::move(steps);
+  }
+  const absl::Status status = run_window(settings);
+  return status.ok() ? kOk : fail(status);
+}
