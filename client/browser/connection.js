@@ -18,7 +18,7 @@
  *   oldestTimeUs?: string, widthPx: number, heightPx: number, stats: any, skippedFrames?: string,
  *   camera: CameraMessage, serverMs?: number, live?: boolean, playback: Playback, stamp?: string,
  *   followedAgent?: string, agents?: AgentColumns, density?: DensityGrid,
- *   sameImage?: boolean}} FrameHeader
+ *   sameImage?: boolean, overviewLow?: Vec3Message, overviewHigh?: Vec3Message}} FrameHeader
  *   Fields that are 0, false or empty are left out; 64-bit integers are strings.
  */
 

@@ -468,12 +468,10 @@ async function refreshAgent() {
 function fit() {
   stopFollowing();
   state.before = null;
-  const crowd = currentCrowd();
-  if (state.camera?.ortho && crowd) {
+  const seen = view.header;
+  if (state.camera?.ortho && seen?.overviewLow && seen.overviewHigh) {
     const goal = state.camera.copy();
-    const high = pointOf(crowd.high);
-    high[2] += 1.8;
-    goal.fit(pointOf(crowd.low), high, canvas.clientWidth / canvas.clientHeight);
+    goal.fit(pointOf(seen.overviewLow), pointOf(seen.overviewHigh), canvas.clientWidth / canvas.clientHeight);
     glide(goal);
     return;
   }

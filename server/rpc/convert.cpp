@@ -295,6 +295,8 @@ void fill_frame(const OutgoingFrame& outgoing, v1::StreamViewResponse& message) 
   message.set_followed_agent(frame.followed_agent);
   fill_stats(frame, *message.mutable_stats());
   fill_camera(frame.camera, *message.mutable_camera());
+  fill_point(frame.overview.low, *message.mutable_overview_low());
+  fill_point(frame.overview.high, *message.mutable_overview_high());
 }
 
 void fill_playback(const Playhead& playhead, std::int64_t scene_time_us, v1::Playback& message) {

@@ -1,4 +1,5 @@
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
 #include <spdlog/spdlog.h>
 
 #include <utility>
@@ -121,6 +122,15 @@ class ViewService final : public v1::ViewService::CallbackService {
     if (request.has_scene_time_us()) {
       status = check_scene_time("scene_time_us", request.scene_time_us());
       if (!status.ok()) return status;
+      const Moment moment = picture.view.crowd->moment(services_.now());
+      if (request.scene_time_us() < moment.oldest_time_us ||
+          request.scene_time_us() > moment.newest_time_us) {
+        return absl::OutOfRangeError(absl::StrFormat(
+            "scene_time_us: %.2f s, the history of crowd '%s' holds %.2f to %.2f s",
+            1e-6 * static_cast<double>(request.scene_time_us()), picture.view.crowd->name(),
+            1e-6 * static_cast<double>(moment.oldest_time_us),
+            1e-6 * static_cast<double>(moment.newest_time_us)));
+      }
       picture.scene_time_us = request.scene_time_us();
     }
     return services_.loop->picture(std::move(picture), std::move(done));

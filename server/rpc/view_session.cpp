@@ -120,8 +120,9 @@ absl::Status pick_agent(Services& services, const v1::PickAgentRequest& request,
   }
   const Moment moment = view.crowd->moment(now);
   const AgentsAt agents = agents_at(moment, request.scene_time_us());
-  const render::Camera camera = view.camera.value_or(
-      render::overview_camera(moment.overview.low, moment.overview.high, view.viewport));
+  const WorldBox overview = overview_of(moment, agents);
+  const render::Camera camera =
+      view.camera.value_or(render::overview_camera(overview.low, overview.high, view.viewport));
   const auto agent =
       request.id() != 0 ? find_agent(agents, request.id())
                         : pick_agent(agents, camera, view.viewport, request.x_px(), request.y_px());

@@ -14,7 +14,15 @@ constexpr double kLeastSizeM = 6.0;
 constexpr double kAgentHeightM = 2.0;
 constexpr double kRestM = 1e-3;  // closer than this the box stands still, so frames repeat
 
-WorldBox padded(const WorldBox& agents) {
+double approach(double value, double goal, bool grows, double seconds) {
+  if (std::abs(goal - value) < kRestM) return goal;
+  const double tau = grows ? kGrowSeconds : kShrinkSeconds;
+  return goal + (value - goal) * std::exp(-seconds / tau);
+}
+
+}  // namespace
+
+WorldBox OverviewBox::around(const WorldBox& agents) {
   WorldBox box;
   for (int axis = 0; axis < 2; ++axis) {
     const double center = 0.5 * (agents.low[axis] + agents.high[axis]);
@@ -28,16 +36,8 @@ WorldBox padded(const WorldBox& agents) {
   return box;
 }
 
-double approach(double value, double goal, bool grows, double seconds) {
-  if (std::abs(goal - value) < kRestM) return goal;
-  const double tau = grows ? kGrowSeconds : kShrinkSeconds;
-  return goal + (value - goal) * std::exp(-seconds / tau);
-}
-
-}  // namespace
-
 WorldBox OverviewBox::follow(const WorldBox& agents, Clock::time_point now) {
-  const WorldBox goal = padded(agents);
+  const WorldBox goal = around(agents);
   const double seconds = std::max(0.0, std::chrono::duration<double>(now - at_).count());
   if (!known_ || seconds > kForgetSeconds) {
     box_ = goal;

@@ -21,6 +21,9 @@ class OverviewBox {
   WorldBox follow(const WorldBox& agents, Clock::time_point now);
   void forget() { known_ = false; }
 
+  /// The box to show of agents that are looked at once, with nothing before to follow.
+  static WorldBox around(const WorldBox& agents);
+
  private:
   WorldBox box_;
   Clock::time_point at_{};

@@ -105,6 +105,24 @@ AgentsAt agents_at(const Moment& moment, std::int64_t scene_time_us) {
           settings.extrapolate_limit_us};
 }
 
+std::optional<WorldBox> box_of(const AgentsAt& agents) {
+  std::optional<WorldBox> box;
+  for (const Snapshot* snapshot : {agents.bracket.older.get(), agents.bracket.newer.get()}) {
+    if (snapshot == nullptr || snapshot->present_count == 0) continue;
+    const WorldBox one{agents.origin_world + glm::dvec3(snapshot->low_m),
+                       agents.origin_world + glm::dvec3(snapshot->high_m)};
+    box = !box.has_value() ? one
+                           : WorldBox{glm::min(box->low, one.low), glm::max(box->high, one.high)};
+  }
+  return box;
+}
+
+WorldBox overview_of(const Moment& moment, const AgentsAt& agents) {
+  if (agents.scene_time_us == moment.scene_time_us) return moment.overview;
+  const std::optional<WorldBox> box = box_of(agents);
+  return box.has_value() ? OverviewBox::around(*box) : moment.overview;
+}
+
 std::optional<ShownAgent> find_agent(const AgentsAt& agents, std::uint64_t id) {
   std::optional<ShownAgent> found;
   for_each(agents, [&](std::uint32_t slot, const element::Sample& sample, const Snapshot& from) {

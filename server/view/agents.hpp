@@ -23,6 +23,12 @@ struct AgentsAt {
 /// The agents of `moment.crowd` at `scene_time_us`.
 AgentsAt agents_at(const Moment& moment, std::int64_t scene_time_us);
 
+/// The box of their positions, world frame, metres; none when nobody is there.
+std::optional<WorldBox> box_of(const AgentsAt& agents);
+
+/// What an overview of them shows to somebody who has not looked before.
+WorldBox overview_of(const Moment& moment, const AgentsAt& agents);
+
 /// One agent. World frame: +Z up, metres, radians counter-clockwise from +X.
 struct ShownAgent {
   std::uint64_t id = 0;

@@ -303,12 +303,16 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   key.view = view;
   key.view.crowd = nullptr;
   key.view.playhead = Playhead();  // it is the moment that counts, not the way there
-  if (!view.camera.has_value()) {
-    key.view.camera =
-        render::overview_camera(moment.overview.low, moment.overview.high, view.viewport);
-  }
   recipients.history = {moment.oldest_time_us, moment.newest_time_us, moment.live};
   const AgentsAt agents = agents_at(moment, scene_time_us);
+  WorldBox overview = overview_of(moment, agents);
+  if (const auto box = box_of(agents);
+      box.has_value() && scene_time_us != moment.scene_time_us && !recipients.viewers.empty()) {
+    overview = recipients.viewers.front().first->overview_of_past(*box, scene_time_us, now);
+  }
+  if (!view.camera.has_value()) {
+    key.view.camera = render::overview_camera(overview.low, overview.high, view.viewport);
+  }
   if (agents.bracket.older != nullptr) {
     key.older_time_us = agents.bracket.older->time_us;
     key.newer_time_us = agents.bracket.newer->time_us;
@@ -371,6 +375,7 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   if (controlled) record(recipients, next.frame->stats);
   next.frame->viewport = view.viewport;
   next.frame->camera = settings.camera;
+  next.frame->overview = overview;
   next.frame->vertex_budget = settings.selection.vertex_budget;
   next.frame->scene_time_us = scene_time_us;
   next.frame->followed_agent = followed_agent;

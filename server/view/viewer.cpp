@@ -3,6 +3,7 @@
 #include <absl/strings/str_cat.h>
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace throng::server {
@@ -152,6 +153,16 @@ void Viewer::end(absl::Status status) {
     slot_ = OutgoingFrame();
   }
   on_end_(std::move(status));
+}
+
+WorldBox Viewer::overview_of_past(const WorldBox& agents, std::int64_t scene_time_us,
+                                  Clock::time_point now) {
+  if (std::abs(static_cast<double>(scene_time_us) - static_cast<double>(past_time_us_)) >
+      static_cast<double>(kLeapUs)) {
+    past_.forget();
+  }
+  past_time_us_ = scene_time_us;
+  return past_.follow(agents, now);
 }
 
 }  // namespace throng::server

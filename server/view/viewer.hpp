@@ -48,6 +48,7 @@ struct EncodedFrame {
   std::string image;
   render::Viewport viewport;
   render::Camera camera;
+  WorldBox overview;  // what an overview of this moment shows
   render::FrameStats stats;
   std::uint64_t vertex_budget = 0;
   std::int64_t scene_time_us = 0;
@@ -99,9 +100,15 @@ class Viewer {
   std::uint64_t begin_frame(Clock::time_point now, std::uint64_t stamp = 0);
   void deliver(std::uint64_t frame_index, std::shared_ptr<const EncodedFrame> frame,
                HistoryNow history = {});
+  /// The box that an overview of the past shows: it follows the agents smoothly, and anew after a
+  /// leap. Of the loop's thread alone.
+  WorldBox overview_of_past(const WorldBox& agents, std::int64_t scene_time_us,
+                            Clock::time_point now);
   void end(absl::Status status);
 
  private:
+  static constexpr std::int64_t kLeapUs = 5'000'000;
+
   bool has_room() const;
   void room_changed(bool had_room);
   Clock::duration period() const;
@@ -110,6 +117,9 @@ class Viewer {
   const Now now_;
   const std::function<void()> on_frame_;
   const std::function<void(absl::Status)> on_end_;
+
+  OverviewBox past_;
+  std::int64_t past_time_us_ = 0;
 
   mutable std::mutex mutex_;
   ViewRequest request_;

@@ -204,13 +204,14 @@ TEST_F(ViewServiceTest, EndsViewsOfACrowdThatIsDeleted) {
 TEST_F(ViewServiceTest, StillPictureAsJpegAndPng) {
   open();
   const auto stub = v1::ViewService::NewStub(server->channel());
-  const auto ask = [&](v1::GetPictureRequest::Format format, v1::GetPictureResponse& response) {
+  const auto ask = [&](v1::GetPictureRequest::Format format, v1::GetPictureResponse& response,
+                       std::int64_t scene_time_us = 100'000) {
     grpc::ClientContext context;
     prepare(context);
     v1::GetPictureRequest request;
     *request.mutable_options() = Viewing::options("station", 99.0);
     request.set_format(format);
-    request.set_scene_time_us(100'000);
+    request.set_scene_time_us(scene_time_us);
     return stub->GetPicture(&context, request, &response);
   };
   v1::GetPictureResponse response;
@@ -223,6 +224,12 @@ TEST_F(ViewServiceTest, StillPictureAsJpegAndPng) {
   ASSERT_TRUE(ask(v1::GetPictureRequest::FORMAT_JPEG, response).ok());
   EXPECT_EQ(ask(v1::GetPictureRequest::FORMAT_UNSPECIFIED, response).error_code(),
             grpc::StatusCode::INVALID_ARGUMENT);
+  for (const std::int64_t time_us : {std::int64_t{-1}, std::int64_t{5'000'000'000}}) {
+    const grpc::Status status = ask(v1::GetPictureRequest::FORMAT_PNG, response, time_us);
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::OUT_OF_RANGE);
+    EXPECT_THAT(status.error_message(),
+                HasSubstr("the history of crowd 'station' holds 0.10 to 0.10 s"));
+  }
 }
 
 TEST_F(ViewServiceTest, AFailedFrameIsToldAsInternal) {

@@ -83,14 +83,14 @@ class RenderLoopTest : public testing::Test {
     return request;
   }
 
-  void push(std::int64_t time_us) {
+  void push(std::int64_t time_us, float east_m = 0.0F) {
     auto membership = std::make_shared<render::Membership>();
     membership->epoch = 1;
     membership->ids = {1};
     render::AgentFrame frame;
     frame.time_us = time_us;
     frame.membership = membership;
-    frame.position_m = {{0, 0, 0}};
+    frame.position_m = {{east_m, 0, 0}};
     ASSERT_TRUE(publication_->push(std::move(frame)).ok());
   }
 
@@ -270,6 +270,26 @@ TEST_F(RenderLoopTest, PictureAtAGivenTimeAsPng) {
       {reinterpret_cast<const std::uint8_t*>(got->image.data()), got->image.size()});
   ASSERT_TRUE(image.ok());
   EXPECT_EQ(image->rgbx.at(0), 77);
+}
+
+TEST_F(RenderLoopTest, AnOverviewOfThePastShowsThoseWhoWereThere) {
+  for (int i = 0; i < 20; ++i) push(1'000'000 + 100'000 * i, 100.0F * static_cast<float>(i));
+  Client client([&] {
+    ViewRequest request = request_of(0.0);
+    request.camera.reset();
+    request.playhead.paused = true;
+    request.playhead.go_to(1'000'000, Clock::now());
+    return request;
+  }());
+  client.loop = loop_.get();
+  loop_->add(client.viewer);
+  ASSERT_TRUE(client.wait_frames(1));
+  const EncodedFrame& past = *client.frames.front().frame;
+  EXPECT_LT(past.overview.low.x, 0.0);
+  EXPECT_GT(past.overview.high.x, 0.0);
+  EXPECT_LT(past.overview.high.x, 300.0) << "where the agents are now";
+  EXPECT_NEAR(past.camera.target_world.x, 0.0, 150.0);
+  loop_->remove(client.viewer.get());
 }
 
 TEST_F(RenderLoopTest, StillPicturesDoNotStopTheStreams) {
