@@ -1,4 +1,5 @@
 // throng-server: flags and wiring only.
+#include <grpc/support/log.h>
 #include <pthread.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
@@ -125,6 +126,7 @@ void add_web(CLI::App& app, throng::server::WebOptions& web) {
   app.add_option("--http", web.http, "HOST:PORT of the page for browsers, /metrics and /healthz")
       ->group(kGroup);
   app.add_option("--http-host", web.hosts, "Name that browsers may call this server by, repeatable")
+      ->allow_extra_args(false)
       ->group(kGroup);
   app.add_option("--web-root", web.web_root, "Folder of the page, instead of the one compiled in")
       ->check(CLI::ExistingDirectory)
@@ -189,6 +191,8 @@ int main(int argc, char** argv) {
 
   spdlog::set_default_logger(spdlog::stderr_color_mt("throng"));
   spdlog::set_level(spdlog::level::from_str(log_level));
+  // A call's status says what went wrong; gRPC's own words are for those who look into gRPC.
+  gpr_set_log_function([](gpr_log_func_args* args) { spdlog::debug("grpc: {}", args->message); });
   if (cast_folder.empty()) cast_folder = default_cast();
   if (doctor) {
     std::fputs(throng::server::doctor_report(cast_folder, json).c_str(), stdout);

@@ -157,7 +157,8 @@ int main(int argc, char** argv) {
   app.add_option("--clips", options.clip_files,
                  "Files whose clips are added, matched by joint name")
       ->take_all()
-      ->expected(1);
+      ->expected(1)
+      ->allow_extra_args(false);
   app.add_option("--height", options.bake.height_m, "Scale to this height, metres")
       ->check(CLI::Range(0.01, 1000.0));
   app.add_option("--criterion", criterion, "What decides on collapses")
@@ -178,6 +179,10 @@ int main(int argc, char** argv) {
   app.add_flag("--force", options.force, "Bake unchanged inputs, too");
 
   CLI::App* inspect = app.add_subcommand("inspect", "Tells what is in baked characters");
+  inspect->footer(
+      "Examples:\n"
+      "  throng-bake inspect cast\n"
+      "  throng-bake inspect cast/guest.throng --json");
   std::vector<std::string> inspected;
   bool as_json = false;
   inspect->add_option("cast", inspected, "Folder of a cast, or .throng files")->required();
@@ -185,6 +190,10 @@ int main(int argc, char** argv) {
 
   CLI::App* export_level =
       app.add_subcommand("export", "Writes one level of detail as Wavefront OBJ");
+  export_level->footer(
+      "Examples:\n"
+      "  throng-bake export cast/guest.throng -o guest.obj\n"
+      "  throng-bake export cast/guest.throng --vertices 200 -o lod.obj");
   std::string exported, exported_to;
   std::uint32_t vertices = 0;
   export_level->add_option("file", exported, "Baked character (.throng)")->required();
@@ -193,6 +202,12 @@ int main(int argc, char** argv) {
 
   CLI::App* report =
       app.add_subcommand("report", "Measures every level of baked characters, and shows them");
+  report->footer(
+      "Examples:\n"
+      "  throng-bake report cast -o report\n"
+      "  throng-bake report cast -o report --characters guest,host --meshoptimizer "
+      ".venv/bin/python\n"
+      "  throng-bake report cast -o report --peng2011 teacher --views 8 --poses 8 --json");
   throng::simplify::ReportOptions report_options;
   report_options.jobs = std::max(1U, std::thread::hardware_concurrency());
   report_options.python = "python3";
@@ -202,7 +217,8 @@ int main(int argc, char** argv) {
       ->required();
   report->add_option("-o,--out", report_options.folder, "Folder of the report")->required();
   report->add_option("--characters", report_options.characters, "Only these, by name")
-      ->delimiter(',');
+      ->delimiter(',')
+      ->allow_extra_args(false);
   report->add_option("--views", report_options.measure.views, "Views around each pose")
       ->check(CLI::Range(1, 64))
       ->capture_default_str();
@@ -230,11 +246,16 @@ int main(int argc, char** argv) {
   report->add_flag("--json", report_json, "Writes the summary as JSON to standard output, too");
 
   CLI::App* sheet = app.add_subcommand("sheet", "Draws everybody of a cast on one picture");
+  sheet->footer(
+      "Examples:\n"
+      "  throng-bake sheet cast -o sheet.png\n"
+      "  throng-bake sheet cast -o two.png --characters guest,host --figure-px 600");
   throng::simplify::SheetOptions sheet_options;
   sheet->add_option("cast", sheet_options.inputs, "Folder of a cast, or .throng files")->required();
   sheet->add_option("-o,--out", sheet_options.path, "PNG file to write")->required();
   sheet->add_option("--characters", sheet_options.characters, "Only these, by name")
-      ->delimiter(',');
+      ->delimiter(',')
+      ->allow_extra_args(false);
   sheet->add_option("--figure-px", sheet_options.figure_px, "Height of the tallest figure of a row")
       ->check(CLI::Range(40, 2000))
       ->capture_default_str();

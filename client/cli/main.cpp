@@ -213,6 +213,9 @@ int main(int argc, char** argv) {
     if (snapshot_app->parsed()) finish_view(snapshot.view, snapshot_size);
     if (watch_app->parsed()) finish_view(watch, watch_size);
   } catch (const CLI::ParseError& error) {
+    if (app.get_subcommands().empty() && app.remaining_size() > 0) {
+      return app.exit(CLI::ExtrasError("throng", {app.remaining().front()})) == 0 ? kOk : kUsage;
+    }
     return app.exit(error) == 0 ? kOk : kUsage;
   }
   finish_reading(publish.read, publish_unit, publish_z);

@@ -38,7 +38,7 @@ int run_watch(const ViewCommand& command, std::optional<double> seconds) {
     return over ? Next::kEnough : Next::kMore;
   });
   if (!status.ok()) return report("watch", status);
-  return kOk;
+  return interrupted() != 0 ? 128 + interrupted() : kOk;
 }
 
 }  // namespace throng::client

@@ -110,6 +110,7 @@ int main(int argc, char** argv) {
       ->capture_default_str()
       ->expected(1)
       ->take_all()
+      ->allow_extra_args(false)
       ->type_name("NAME|FILE");
   app.add_option("--vertex-budget", job.selection.vertex_budget,
                  "Vertices per picture over the crowd, N")
@@ -248,7 +249,7 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "throng-render: note: %s\n", note.c_str());
   }
   if (!outcome.error.empty()) std::fprintf(stderr, "throng-render: %s\n", outcome.error.c_str());
-  if (!quiet) {
+  if (!quiet && (outcome.error.empty() || outcome.written + outcome.skipped > 0)) {
     std::fprintf(stderr, "throng-render: %u written, %u there already\n", outcome.written,
                  outcome.skipped);
   }

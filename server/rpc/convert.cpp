@@ -1,6 +1,7 @@
 #include "server/rpc/convert.hpp"
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 
 #include <algorithm>
 #include <cmath>
@@ -228,8 +229,12 @@ absl::Status apply_options(const v1::ViewOptions& options, const Registry& regis
   }
   if (options.has_channel()) {
     if (!options.channel().empty() && next.crowd->channel_index(options.channel()) < 0) {
-      return absl::InvalidArgumentError(absl::StrCat("options.channel: crowd '", next.crowd->name(),
-                                                     "' has no channel of the name given"));
+      std::vector<std::string> names;
+      for (const ChannelInfo& channel : next.crowd->channels()) names.push_back(channel.name);
+      return absl::InvalidArgumentError(
+          absl::StrCat("options.channel: crowd '", next.crowd->name(), "' has no channel '",
+                       options.channel().substr(0, 64), "'; it has ",
+                       names.empty() ? "none" : absl::StrJoin(names, ", ")));
     }
     next.channel = options.channel();
   }

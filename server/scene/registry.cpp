@@ -223,9 +223,9 @@ absl::StatusOr<std::unique_ptr<Publication>> Registry::start(StartRequest reques
       }
     }
     if (named->owner_ != 0 && !request.take_over && !continues) {
-      return absl::AlreadyExistsError(absl::StrCat("start.crowd_name: '", request.crowd_name,
-                                                   "' is fed by '", named->start_.producer,
-                                                   "' and take_over is not set"));
+      return absl::AlreadyExistsError(absl::StrCat(
+          "start.crowd_name: '", request.crowd_name, "' is fed by '", named->start_.producer,
+          "'; a producer that takes over (--take-over) ends it"));
     }
     revoked = std::move(named->on_revoked_);
     named->on_revoked_ = std::move(on_revoked);
@@ -261,7 +261,7 @@ absl::StatusOr<std::shared_ptr<NamedCrowd>> Registry::find(const std::string& na
   const std::lock_guard lock(mutex_);
   const auto found = crowds_.find(name);
   if (found == crowds_.end()) {
-    return absl::NotFoundError(absl::StrCat("crowd_name: there is no crowd '", name, "'"));
+    return absl::NotFoundError(absl::StrCat("there is no crowd '", name, "'"));
   }
   return found->second;
 }
@@ -283,7 +283,7 @@ absl::Status Registry::remove(const std::string& name) {
   const std::lock_guard lock(mutex_);
   const auto found = crowds_.find(name);
   if (found == crowds_.end()) {
-    return absl::NotFoundError(absl::StrCat("crowd_name: there is no crowd '", name, "'"));
+    return absl::NotFoundError(absl::StrCat("there is no crowd '", name, "'"));
   }
   {
     const std::lock_guard crowd_lock(found->second->mutex_);
