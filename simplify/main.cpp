@@ -173,6 +173,14 @@ int main(int argc, char** argv) {
   app.add_option("--texture", options.bake.rebuild.max_texture_px, "Widest texture, pixels")
       ->check(CLI::Range(16, 8192))
       ->capture_default_str();
+  float relief_texel_mm = 1000.0F * options.relief.texel_m;
+  app.add_option("--relief-texel", relief_texel_mm,
+                 "Texels of the relief impostor, mm (heads half of it); 0 leaves it out")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->capture_default_str();
+  app.add_option("--relief-uniform", options.relief.uniform_px,
+                 "Every face of the relief impostor has so many texels a side (Beacco 2010: 128)")
+      ->check(CLI::Range(4, 1024));
   app.add_option("-j,--jobs", options.jobs, "Characters baked at a time")
       ->check(CLI::Range(1, 256))
       ->capture_default_str();
@@ -271,6 +279,7 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? kOk : kUsage;
   }
   options.inputs = inputs;
+  options.relief.texel_m = 0.001F * relief_texel_mm;
   if (criterion == "peng2011") options.bake.criterion = throng::simplify::Criterion::kPeng2011;
 
   if (*inspect) return run_inspect(inspected, as_json);

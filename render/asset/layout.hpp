@@ -37,6 +37,8 @@ inline constexpr std::uint32_t kMaxFrames = 1U << 20;
 inline constexpr std::uint32_t kMaxImageSize_px = 16384;
 inline constexpr std::uint32_t kMaxNameSize = 1024;
 inline constexpr std::uint32_t kMaxCollapseDepth = 4096;  // longest chain of collapse targets
+inline constexpr std::uint32_t kMaxReliefBoxes = 256;     // one for each joint
+inline constexpr std::uint32_t kMaxReliefTexels = 1U << 26;
 inline constexpr float kMaxCoordinate_m = 1.0e6F;
 
 struct FileHeader {
@@ -69,6 +71,7 @@ enum class Section : std::uint32_t {
   kPalette = 16,
   kBaseColor = 17,
   kTintMask = 18,
+  kImpostor = 19,  // ReliefHeader, ReliefBox[box_count], then three columns of texel_count words
 };
 
 struct SectionEntry {
@@ -122,6 +125,15 @@ struct ClipRecord {
   std::uint32_t reserved[7];
 };
 static_assert(sizeof(ClipRecord) == 64);
+
+struct ReliefHeader {
+  std::uint32_t box_count;
+  std::uint32_t texel_count;
+  std::uint32_t capture_frame;
+  float texel_m;
+  std::uint32_t reserved[12];
+};
+static_assert(sizeof(ReliefHeader) == 64);
 
 static_assert(sizeof(glm::vec3) == 12 && sizeof(glm::uvec3) == 12 && sizeof(glm::i16vec2) == 4 &&
               sizeof(glm::u16vec2) == 4 && sizeof(glm::u8vec4) == 4 && sizeof(Affine) == 48);

@@ -11,6 +11,7 @@
 
 #include "render/asset/layout.hpp"
 #include "throng/render/asset.hpp"
+#include "throng/render/relief.hpp"
 
 namespace throng::render {
 namespace {
@@ -185,6 +186,37 @@ MipImage read_image(SectionReader& sections, Section section, std::uint32_t widt
   return image;
 }
 
+/// The impostor, or null where there is none. `storage` is set by who maps the file.
+absl::StatusOr<std::shared_ptr<Relief>> read_relief(std::span<const std::byte> bytes) {
+  if (bytes.empty()) return std::shared_ptr<Relief>();
+  layout::ReliefHeader header{};
+  if (bytes.size() < sizeof(header)) {
+    return absl::InvalidArgumentError(absl::StrCat("impostor: has ", bytes.size(),
+                                                   " bytes, must have at least ", sizeof(header)));
+  }
+  std::memcpy(&header, bytes.data(), sizeof(header));
+  const std::uint64_t boxes = header.box_count, texels = header.texel_count;
+  const std::uint64_t size = sizeof(header) + boxes * sizeof(ReliefBox) + 12 * texels;
+  if (boxes > layout::kMaxReliefBoxes || texels > layout::kMaxReliefTexels ||
+      size != bytes.size()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("impostor: has ", bytes.size(), " bytes, ", boxes, " boxes and ", texels,
+                     " texels; limits are ", layout::kMaxReliefBoxes, " boxes, ",
+                     layout::kMaxReliefTexels, " texels and these need ", size, " bytes"));
+  }
+  auto relief = std::make_shared<Relief>();
+  relief->capture_frame = header.capture_frame;
+  relief->texel_m = header.texel_m;
+  const std::byte* next = bytes.data() + sizeof(header);
+  relief->boxes = {reinterpret_cast<const ReliefBox*>(next), boxes};
+  next += boxes * sizeof(ReliefBox);
+  for (auto* column : {&relief->shape, &relief->color, &relief->tint}) {
+    *column = {reinterpret_cast<const std::uint32_t*>(next), texels};
+    next += 4 * texels;
+  }
+  return relief;
+}
+
 absl::StatusOr<Character> read_sections(std::span<const std::byte> file) {
   SectionReader sections(file);
   if (auto status = sections.check(); !status.ok()) return status;
@@ -233,6 +265,9 @@ absl::StatusOr<Character> read_sections(std::span<const std::byte> file) {
                                      info.tint_mask_height_px, info.tint_mask_levels);
   }
   if (!sections.status().ok()) return sections.status();
+  auto relief = read_relief(sections.bytes(Section::kImpostor));
+  if (!relief.ok()) return relief.status();
+  character.relief = *std::move(relief);
   if (auto status = validate(character); !status.ok()) return status;
   return character;
 }
@@ -246,6 +281,11 @@ absl::StatusOr<Character> read_character(const std::string& path) {
   if (!character.ok()) {
     return absl::Status(character.status().code(),
                         absl::StrCat(path, ": ", character.status().message()));
+  }
+  if (character->relief != nullptr) {
+    auto relief = std::make_shared<Relief>(*character->relief);
+    relief->storage = *file;  // it may outlive the character
+    character->relief = std::move(relief);
   }
   character->storage = *std::move(file);
   return character;

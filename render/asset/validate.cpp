@@ -7,6 +7,7 @@
 
 #include "render/asset/layout.hpp"
 #include "throng/render/asset.hpp"
+#include "throng/render/relief.hpp"
 
 namespace throng::render {
 namespace layout {
@@ -49,6 +50,8 @@ const char* name_of(Section section) {
       return "base colour";
     case Section::kTintMask:
       return "tint mask";
+    case Section::kImpostor:
+      return "impostor";
   }
   return "unknown";
 }
@@ -329,7 +332,11 @@ absl::Status validate(const Character& character) {
   if (auto status = check_animation(character); !status.ok()) return status;
   if (auto status = check_image("base colour", character.base_color, true); !status.ok())
     return status;
-  return check_image("tint mask", character.tint_mask, false);
+  if (auto status = check_image("tint mask", character.tint_mask, false); !status.ok())
+    return status;
+  if (character.relief == nullptr) return absl::OkStatus();
+  return validate_relief(*character.relief, character.joints.size(),
+                         character.palette.size() / character.joints.size());
 }
 
 absl::StatusOr<Character> make_character(CharacterData data) {

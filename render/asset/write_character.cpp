@@ -11,6 +11,7 @@
 
 #include "render/asset/layout.hpp"
 #include "throng/render/asset.hpp"
+#include "throng/render/relief.hpp"
 
 namespace throng::render {
 namespace {
@@ -150,6 +151,25 @@ absl::Status write_character(const Character& character, const std::string& path
   };
   if (!character.tint_mask.texels.empty()) {
     columns.push_back(column(Section::kTintMask, character.tint_mask.texels));
+  }
+  std::vector<char> impostor;
+  if (character.relief != nullptr) {
+    const Relief& relief = *character.relief;
+    const layout::ReliefHeader relief_header{static_cast<std::uint32_t>(relief.boxes.size()),
+                                             static_cast<std::uint32_t>(relief.shape.size()),
+                                             relief.capture_frame,
+                                             relief.texel_m,
+                                             {}};
+    const auto append = [&impostor](const void* bytes, std::size_t size_bytes) {
+      const char* first = static_cast<const char*>(bytes);
+      impostor.insert(impostor.end(), first, first + size_bytes);
+    };
+    append(&relief_header, sizeof(relief_header));
+    append(relief.boxes.data(), relief.boxes.size_bytes());
+    append(relief.shape.data(), relief.shape.size_bytes());
+    append(relief.color.data(), relief.color.size_bytes());
+    append(relief.tint.data(), relief.tint.size_bytes());
+    columns.push_back(column<char>(Section::kImpostor, impostor));
   }
 
   std::vector<layout::SectionEntry> table;

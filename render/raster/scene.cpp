@@ -79,7 +79,8 @@ void shade_instances(const FrameGeometry& geometry, const Cast& cast, const Scen
       continue;
     }
     const bool has_vertices =
-        geometry.shared.empty() || geometry.shared[i].level == SharedInstance::kOwn;
+        (geometry.shared.empty() || geometry.shared[i].level == SharedInstance::kOwn) &&
+        geometry.vertex_offset[i + 1] > geometry.vertex_offset[i];
     if (has_vertices && shades[i].size_px > element::kCastShadowFromPx) {
       casters.push_back(static_cast<std::uint32_t>(i));
     }

@@ -83,7 +83,8 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", "throng-render " THRONG_VERSION);
   BatchJob job;
   std::string size = "1280x720", unit, z_rule, shard = "1/1", channel_range, lod = "budget",
-              raster = "auto", overlay, title, passes = "color", box_extent = "visible";
+              form = "mesh", raster = "auto", overlay, title, passes = "color",
+              box_extent = "visible";
   double source_fps = 0.0;
   app.add_option("trajectory", job.trajectory,
                  "Trajectory file (JuPedSim sqlite, archive text, CSV ...)")
@@ -119,6 +120,12 @@ int main(int argc, char** argv) {
   app.add_option("--lod", lod, "Rule that deals out the budget")
       ->capture_default_str()
       ->check(CLI::IsMember({"budget", "dong2019"}));
+  app.add_option(
+         "--form", form,
+         "What agents are drawn as: mesh, impostor (a box for each joint), or mixed (each in "
+         "the cheapest form that is off by at most half a pixel)")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"mesh", "impostor", "mixed"}));
   app.add_option("--shard", shard, "Render part I of N, or auto")
       ->capture_default_str()
       ->type_name("I/N|auto");
@@ -227,6 +234,8 @@ int main(int argc, char** argv) {
   job.read.ground_z = z_rule == "ground";
   job.selection.rule =
       lod == "dong2019" ? throng::render::LodRule::kDong2019 : throng::render::LodRule::kBudget;
+  if (form == "mixed") job.selection.form = throng::render::FormRule::kMixed;
+  if (form == "impostor") job.selection.form = throng::render::FormRule::kImpostor;
   job.pipeline.raster = raster == "gl"           ? throng::render::RasterKind::kGl
                         : raster == "visibility" ? throng::render::RasterKind::kVisibility
                                                  : throng::render::RasterKind::kAuto;

@@ -44,11 +44,12 @@ absl::StatusOr<std::string> read_file(const std::filesystem::path& path) {
 
 }  // namespace
 
-std::string tool_version(const BakeOptions& options) {
+std::string tool_version(const BakeOptions& options, const ReliefOptions& relief) {
   return absl::StrCat("throng-bake ", THRONG_VERSION, " ", kBakeCode, " ",
                       options.criterion == Criterion::kPeng2011 ? "peng2011" : "throng", " poses ",
                       options.max_poses, " coarsest ", options.coarsest_count, " height ",
-                      options.height_m, " texture ", options.rebuild.max_texture_px);
+                      options.height_m, " texture ", options.rebuild.max_texture_px, " relief ",
+                      relief.texel_m, " ", relief.uniform_px);
 }
 
 absl::StatusOr<std::string> hash_input(const std::string& path) {

@@ -107,7 +107,8 @@ class Runner {
 
   absl::Status bake_one(std::size_t index) {
     const Job& job = jobs_[index];
-    CastEntry entry{job.name, job.name + ".throng", "", tool_version(options_.bake)};
+    CastEntry entry{job.name, job.name + ".throng", "",
+                    tool_version(options_.bake, options_.relief)};
     if (job.path.empty()) {
       entry.source = "builtin";
     } else {
@@ -146,6 +147,11 @@ class Runner {
           absl::StrCat("baked character is broken: ", character.status().message()));
     }
     if (auto status = check_levels(*character); !status.ok()) return status;
+    if (options_.relief.uniform_px > 0 || options_.relief.texel_m > 0.0F) {
+      auto relief = bake_relief(*character, options_.relief);
+      if (!relief.ok()) return relief.status();
+      character->relief = render::make_relief(*std::move(relief));
+    }
     entry.bake_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     if (auto status = render::write_character(*character, path); !status.ok()) return status;
 

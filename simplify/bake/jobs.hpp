@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "simplify/bake/bake.hpp"
+#include "simplify/impostor/relief.hpp"
 
 namespace throng::simplify {
 
@@ -19,6 +20,7 @@ struct JobOptions {
   unsigned jobs = 1;
   bool force = false;  // bake what is unchanged, too
   BakeOptions bake;
+  ReliefOptions relief;  // texels of 0 m and none uniform: no impostor
   /// A line for the user. Called from several threads, one at a time.
   std::function<void(const std::string&)> say;
   /// Progress of all inputs, 0 to 1; as `say`.

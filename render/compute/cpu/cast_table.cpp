@@ -86,6 +86,7 @@ absl::StatusOr<std::shared_ptr<const CastTable>> make_cast_table(std::shared_ptr
     entry.palette = columns_of(character.palette);
     order_joints(entry, character.joint_count());
     entry.ladder = make_ladder(character);
+    entry.error = make_error_table(character);
     table->most_joints = std::max(table->most_joints, character.joint_count());
     table->most_vertices = std::max(table->most_vertices, character.vertex_count());
   }

@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "render/compute/cpu/error_table.hpp"
 #include "render/compute/cpu/levels.hpp"
 #include "render/compute/element/gait.hpp"
 #include "render/compute/element/skinning.hpp"
@@ -41,6 +42,7 @@ struct CharacterTable {
   // Levels of detail a fifth apart, coarsest first: an instance starts at the next finer one, whose
   // corners are at most a few collapses away from its own.
   std::vector<LadderLevel> ladder;
+  ErrorTable error;
 };
 
 /// The cast on the processor.

@@ -14,11 +14,124 @@ bool has_joints(Representation form) {
   return form == Representation::kImpostor || form == Representation::kPoints;
 }
 
+float px_per_m_of(const CpuView& view, std::size_t v) {
+  const float d = view.projection.perspective != 0
+                      ? std::max(view.distance_m[v], view.visible[v].radius_m)
+                      : 1.0F;
+  return view.projection.focal_px / d;
+}
+
+/// Vertices that keep agent v within a step of the table; where it shares its pose, of the levels
+/// that are listed the next finer one.
+std::uint32_t vertices_for(const CpuView& view, std::size_t v, std::uint32_t step) {
+  const CastTable& cast = *view.instances->cast;
+  const std::uint32_t character = view.visible[v].character;
+  const std::uint32_t wanted = cast.characters[character].error.vertex_count[step];
+  if (view.tier[v] == kOwnPose || wanted > LevelTable::kMostVertices) return wanted;
+  const std::vector<std::uint32_t>& level_at = cast.levels.level_at[character];
+  // coarsest first: the finest with at most so many, or the next one
+  std::uint32_t level = level_at[wanted];
+  const std::vector<Level>& levels = cast.levels.levels;
+  if (levels[level].vertex_count < wanted && level + 1 < levels.size() &&
+      levels[level + 1].character == character) {
+    ++level;
+  }
+  return levels[level].vertex_count;
+}
+
+void mix_forms(CpuView& view, const Selection& selection, WorkPool& pool) {
+  const std::size_t count = view.visible.size();
+  const MixedForms& mixed = selection.mixed;
+  const CastTable& cast = *view.instances->cast;
+  const std::uint32_t agents = view.instances->count - view.instances->surrounding;
+  view.representation.resize(count);
+  pool.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t v = begin; v < end; ++v) {
+      VisibleInstance& instance = view.visible[v];
+      const Character& character = *cast.characters[instance.character].character;
+      // each agent's limits lie up to a fifth apart, so that a row of them does not change at once
+      const float own = element::unit_from_seed(instance.seed, element::kSeedForm);
+      const float px_per_m = px_per_m_of(view, v) * (0.9F + 0.2F * own);
+      const float height_px = px_per_m * instance.scale * character.height_m;
+      const std::uint32_t step = ErrorTable::step_of(mixed.error_px / px_per_m);
+      view.share[v] = step;
+      view.representation[v] = Representation::kMesh;
+      if (instance.slot >= agents) continue;
+      if (height_px < 1.0F) {
+        // of those under a pixel some stand for all: as much larger as they are fewer
+        const float kept = height_px * height_px;
+        if (own >= kept) {
+          view.representation[v] = Representation::kNone;
+        } else {
+          instance.scale /= height_px;
+        }
+        continue;
+      }
+      const float mesh_us =
+          mixed.mesh_us + mixed.mesh_vertex_us * static_cast<float>(vertices_for(view, v, step));
+      const float figure_px2 = 0.25F * height_px * height_px;
+      const float impostor_us = mixed.impostor_us + mixed.impostor_px2_us * figure_px2;
+      if (character.relief != nullptr && mixed.impostor_error * height_px <= mixed.error_px &&
+          impostor_us < mesh_us) {
+        view.representation[v] = Representation::kImpostor;
+      }
+    }
+  });
+}
+
 }  // namespace
+
+void deal_by_error(CpuView& view, const Selection& selection, WorkPool& pool) {
+  const std::size_t count = view.visible.size();
+  const std::size_t chunks = (count + kChunk - 1) / kChunk;
+  view.chunk_sum.resize(chunks);
+  view.chunk_least.resize(chunks);
+  const auto count_of = [&](std::size_t v, std::uint32_t coarser) {
+    return vertices_for(view, v, std::min(view.share[v] + coarser, ErrorTable::kSteps - 1));
+  };
+  const auto sum_with = [&](std::uint32_t coarser) {
+    pool.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {
+      std::uint64_t sum = 0;
+      for (std::size_t v = begin; v < end; ++v) {
+        if (view.is_mesh(v)) sum += count_of(v, coarser);
+      }
+      view.chunk_sum[begin / kChunk] = sum;
+    });
+    std::uint64_t total = 0;
+    for (const std::uint64_t each : view.chunk_sum) total += each;
+    return total;
+  };
+  // the fewest steps coarser for all that keep to the budget
+  std::uint32_t low = 0, high = ErrorTable::kSteps - 1;
+  if (sum_with(0) > selection.vertex_budget) {
+    while (low + 1 < high) {
+      const std::uint32_t middle = (low + high) / 2;
+      (sum_with(middle) > selection.vertex_budget ? low : high) = middle;
+    }
+    low = high;
+  }
+  view.effective_budget = std::max(selection.vertex_budget, sum_with(low));
+  pool.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t v = begin; v < end; ++v) {
+      VisibleInstance& instance = view.visible[v];
+      instance.vertex_count = instance.triangle_count = 0;
+      if (!view.is_mesh(v)) continue;
+      const Character& character = *view.instances->cast->characters[instance.character].character;
+      instance.vertex_count = count_of(v, low);
+      instance.triangle_count = character.triangle_count_at[instance.vertex_count];
+      // finer levels are not listed: too many vertices for others to have the same
+      if (instance.vertex_count > LevelTable::kMostVertices) view.tier[v] = kOwnPose;
+    }
+  });
+}
 
 void choose_forms(CpuView& view, const Selection& selection, WorkPool& pool) {
   const std::size_t count = view.visible.size();
-  if (selection.form == FormRule::kMesh || selection.form == FormRule::kMixed) {
+  if (selection.form == FormRule::kMixed) {
+    mix_forms(view, selection, pool);
+    return;
+  }
+  if (selection.form == FormRule::kMesh) {
     view.representation.resize(0);
     view.jointed.resize(0);
     view.joints.resize(0);
@@ -30,7 +143,10 @@ void choose_forms(CpuView& view, const Selection& selection, WorkPool& pool) {
   const std::uint32_t agents = view.instances->count - view.instances->surrounding;
   pool.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v) {
-      view.representation[v] = view.visible[v].slot < agents ? form : Representation::kMesh;
+      const VisibleInstance& instance = view.visible[v];
+      const Character& character = *view.instances->cast->characters[instance.character].character;
+      const bool has_form = form != Representation::kImpostor || character.relief != nullptr;
+      view.representation[v] = instance.slot < agents && has_form ? form : Representation::kMesh;
     }
   });
 }

@@ -173,7 +173,12 @@ absl::Status generate(CpuView& view, Machine machine, PosedBank& bank,
       }
       if (view.tier[v] != kOwnPose) {
         const PosedBank::Mesh& mesh = bank.mesh(view.mesh[v]);
-        const element::Placement& placement = instances.state[instance.slot].placement;
+        element::Placement placement = instances.state[instance.slot].placement;
+        if (instance.scale != placement.scale) {  // one that stands for several (choose_forms)
+          const float larger = instance.scale / placement.scale;
+          placement = {larger * placement.cosine_scale, larger * placement.sine_scale,
+                       instance.scale};
+        }
         const std::uint32_t level = levels.level_at[instance.character][instance.vertex_count];
         if (view.geometry == GeometryKind::kFused) {
           view.shared[v] = {

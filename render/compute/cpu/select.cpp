@@ -142,6 +142,10 @@ void select(CpuView& view, const Selection& selection, Machine machine) {
   view.geometry = selection.geometry;
   choose_tiers(view, selection.pose_mode, machine.pool);
   choose_forms(view, selection, machine.pool);
+  if (selection.form == FormRule::kMixed) {
+    deal_by_error(view, selection, machine.pool);
+    return;
+  }
   Dealer dealer(view, machine.pool);
 
   // equation 1's weights as integers, and the sums that bound the budget

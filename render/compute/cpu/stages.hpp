@@ -96,6 +96,10 @@ void cull(CpuView& view, const Camera& camera, const Viewport& viewport, Machine
 
 void select(CpuView& view, const Selection& selection, Machine machine);
 
+/// Vertex counts by error instead of equation 1: what every mesh needs to be off by at most
+/// MixedForms::error_px, or where that is more than the budget, by the least that it allows.
+void deal_by_error(CpuView& view, const Selection& selection, WorkPool& pool);
+
 /// What each visible agent is drawn as, once its pose's tier is chosen.
 void choose_forms(CpuView& view, const Selection& selection, WorkPool& pool);
 

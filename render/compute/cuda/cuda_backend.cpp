@@ -423,6 +423,7 @@ class CudaBackend final : public ComputeBackend {
       return counters;
     }
     counters.visible = seen.visible - seen.surrounding;
+    counters.drawn_as[static_cast<std::size_t>(Representation::kMesh)] = counters.visible;
     if (own->stage < ViewStage::kSelected) return counters;
     counters.vertices = seen.vertices;
     counters.triangles = seen.triangles;

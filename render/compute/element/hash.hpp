@@ -30,6 +30,7 @@ enum SeedStream : std::uint32_t {
   kSeedHeading = 5,
   kSeedTier = 6,
   kSeedFlat = 7,
+  kSeedForm = 8,
 };
 
 }  // namespace throng::render::element

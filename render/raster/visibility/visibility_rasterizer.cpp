@@ -14,6 +14,7 @@
 #include "render/compute/cpu/work_pool.hpp"
 #include "render/compute/element/hash.hpp"
 #include "render/raster/scene.hpp"
+#include "render/raster/visibility/cpu/relief.hpp"
 #include "render/raster/visibility/cpu/shade.hpp"
 #include "render/raster/visibility/cpu/tile.hpp"
 #include "render/raster/visibility/element/shadow.hpp"
@@ -35,7 +36,7 @@ constexpr float kFlatFigurePx = 14.0F;  // of larger figures the difference show
 /// What a tile needs to know of a visible instance; they lie anywhere in memory, so one cache line.
 struct alignas(64) DrawnInstance {
   static constexpr std::uint32_t kShared = 1U << 31, kDoubleSided = 1U << 30, kClipped = 1U << 29,
-                                 kFlat = 1U << 28, kListed = 1U << 27;
+                                 kFlat = 1U << 28, kListed = 1U << 27, kRelief = 1U << 26;
   static constexpr std::uint32_t kCharacter = 0xffff;
 
   std::uint16_t x_low, y_low, x_high, y_high;  // samples, inclusive; x_low > x_high: nothing
@@ -43,7 +44,8 @@ struct alignas(64) DrawnInstance {
   std::uint32_t flags;  // and the character
   std::uint32_t first_block;
   std::uint32_t triangle_count;
-  std::uint32_t first;  // corner of FrameGeometry::indices, or shared: triangle of LevelTable
+  // corner of FrameGeometry::indices, shared: triangle of LevelTable, relief: of placed_
+  std::uint32_t first;
   struct Shared {
     std::uint32_t posed;  // x column of the posed mesh
     std::uint16_t stride, vertex_count;
@@ -66,6 +68,8 @@ struct TileScratch {
   TilePlanes planes;
   TilePlanes shadow;  // depth: share of light that a cast shadow takes
   ShadeItems items, shared_items, flat_items;
+  SurfaceItems surface_items;
+  alignas(64) std::uint32_t relief_texels[kTileSamples * kTileSamples];
   SharedScratch shared;
   std::vector<std::uint64_t> order;
   alignas(64) float missing[kPixels];
@@ -90,6 +94,7 @@ class VisibilityRasterizer final : public Rasterizer {
   }
 
   bool takes_fused() const override { return true; }
+  bool draws(Representation form) const override { return form <= Representation::kImpostor; }
   RasterCounters counters() const override;
   absl::Status keep_facts(PixelFacts* facts) override {
     facts_ = facts;
@@ -107,7 +112,8 @@ class VisibilityRasterizer final : public Rasterizer {
   void project_shadows(const FrameGeometry& geometry, const SceneFrame& scene);
   absl::Status number_blocks(const FrameGeometry& geometry);
   void bin();
-  void bin_shadows(const SceneFrame& scene, const Viewport& viewport);
+  void bin_shadows(const FrameGeometry& geometry, const SceneFrame& scene,
+                   const Viewport& viewport);
   void collect_facts(int tile_x_px, int tile_y_px, int width, int height, int picture_width,
                      const TilePlanes& planes) const;
   void prefetch(const FrameGeometry& geometry, const DrawnInstance& drawn) const;
@@ -116,8 +122,14 @@ class VisibilityRasterizer final : public Rasterizer {
   SharedTriangles shared_triangles(const FrameGeometry& geometry, const DrawnInstance& drawn) const;
   void draw_tile(const FrameGeometry& geometry, const SceneFrame& scene, const Viewport& viewport,
                  std::size_t tile, TileScratch& scratch, Picture& picture) const;
-  void collect_items(int tile_x_px, int tile_y_px, int width, int height,
-                     TileScratch& scratch) const;
+  bool is_relief(const FrameGeometry& geometry, std::size_t instance) const {
+    return !geometry.representation.empty() &&
+           geometry.representation[instance] == Representation::kImpostor;
+  }
+  void add_relief(const FrameGeometry& geometry, std::uint32_t instance, std::uint32_t box,
+                  int sample_x, int sample_y, std::size_t sample, TileScratch& scratch) const;
+  void collect_items(const FrameGeometry& geometry, int tile_x_px, int tile_y_px, int width,
+                     int height, TileScratch& scratch) const;
   void add_background(const SceneFrame& scene, std::size_t tile, int tile_x_px, int tile_y_px,
                       int width, int height, TileScratch& scratch,
                       const FrameGeometry& geometry) const;
@@ -179,11 +191,15 @@ class VisibilityRasterizer final : public Rasterizer {
   Projected projected_;
   std::vector<TriangleList> lists_;  // one a worker
   LevelTable levels_;
-  std::vector<TriangleTone> tones_;            // by triangle of the levels
-  std::vector<std::uint32_t> uv_;              // of all characters' vertices
-  std::vector<std::uint32_t> first_uv_;        // by character
-  std::vector<DrawnInstance> drawn_;           // [V]
-  std::vector<SharedShade> shared_shades_;     // [V] of fused geometry
+  std::vector<TriangleTone> tones_;         // by triangle of the levels
+  std::vector<std::uint32_t> uv_;           // of all characters' vertices
+  std::vector<std::uint32_t> first_uv_;     // by character
+  std::vector<DrawnInstance> drawn_;        // [V]
+  std::vector<SharedShade> shared_shades_;  // [V] of fused geometry
+  ReliefStore reliefs_;                     // of the cast
+  ReliefView relief_view_{};
+  ReliefSearch relief_search_;
+  std::vector<PlacedBox> placed_;              // boxes of visible impostors
   std::vector<std::uint32_t> block_instance_;  // [blocks]
   std::vector<InstanceShade> shades_;          // [V]
   Bins<std::uint64_t> bins_;                   // depth and number: rising is near to far
@@ -222,6 +238,10 @@ RasterCounters VisibilityRasterizer::counters() const {
   };
   add(textures_.texels);
   add(levels_.corners);
+  add(reliefs_.shape);
+  add(reliefs_.base);
+  add(reliefs_.regions);
+  add(placed_);
   add(tones_);
   add(uv_);
   add(drawn_);
@@ -256,6 +276,13 @@ absl::Status VisibilityRasterizer::upload(std::shared_ptr<const Cast> cast) {
     std::uint8_t flags = 0;
     for (const std::uint8_t one : member.character.triangle_flags) flags |= one;
     double_sided.push_back((flags & kTriangleDoubleSided) != 0);
+  }
+  try {
+    auto reliefs = make_relief_store(*cast);
+    if (!reliefs.ok()) return reliefs.status();
+    reliefs_ = *std::move(reliefs);
+  } catch (const std::bad_alloc&) {
+    return absl::ResourceExhaustedError("visibility upload: no memory for the cast's impostors");
   }
   textures_ = *std::move(store);
   cutouts_.clear();
@@ -324,11 +351,25 @@ absl::Status VisibilityRasterizer::check(const FrameGeometry& geometry,
       }
     }
   }
+  if (!geometry.representation.empty() &&
+      (geometry.representation.size() != count || geometry.jointed.size() != count)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("visibility draw: ", geometry.representation.size(), " representations and ",
+                     geometry.jointed.size(), " jointed instances, must be ", count));
+  }
   for (const VisibleInstance& instance : geometry.instances) {
     if (instance.character >= cast_->members.size()) {
       return absl::InvalidArgumentError(absl::StrCat("visibility draw: character is ",
                                                      instance.character, ", the cast has ",
                                                      cast_->members.size()));
+    }
+    const auto i = static_cast<std::size_t>(&instance - geometry.instances.data());
+    const std::size_t joints = cast_->members[instance.character].character.joint_count();
+    if (is_relief(geometry, i) &&
+        std::size_t{16} * (geometry.jointed[i].first_joint + joints) > geometry.joints.size()) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "visibility draw: instance ", i, " has joints ", geometry.jointed[i].first_joint, " + ",
+          joints, ", must end by ", geometry.joints.size() / 16));
     }
   }
   return absl::OkStatus();
@@ -352,7 +393,12 @@ void VisibilityRasterizer::prepare(const FrameGeometry& geometry) {
       drawn.flags = instance.character;
       if (double_sided_[instance.character] != 0) drawn.flags |= DrawnInstance::kDoubleSided;
       Footprint f;
-      if (geometry.shared.empty() || geometry.shared[i].level == SharedInstance::kOwn) {
+      if (is_relief(geometry, i)) {
+        drawn.flags |= DrawnInstance::kRelief;
+        f = place_boxes(reliefs_, reliefs_.members[instance.character], instance,
+                        geometry.jointed[i], geometry.joints.data(), relief_view_, grid_,
+                        placed_.data() + drawn.first);
+      } else if (geometry.shared.empty() || geometry.shared[i].level == SharedInstance::kOwn) {
         drawn.first = 3 * geometry.triangle_offset[i];
         f = project_vertices(grid_, geometry.vertices.data(), geometry.vertex_offset[i],
                              geometry.vertex_offset[i + 1], projected_);
@@ -461,9 +507,14 @@ absl::Status VisibilityRasterizer::number_blocks(const FrameGeometry& geometry) 
   const std::size_t count = geometry.instances.size();
   if (drawn_.size() < count) drawn_.resize(count + count / 2);
   std::uint64_t blocks = 0;
+  std::size_t boxes = 0;
   for (std::size_t i = 0; i < count; ++i) {
     std::uint32_t triangles = geometry.triangle_offset[i + 1] - geometry.triangle_offset[i];
-    if (!geometry.shared.empty() && geometry.shared[i].level != SharedInstance::kOwn) {
+    if (is_relief(geometry, i)) {
+      triangles = reliefs_.members[geometry.instances[i].character].box_count;
+      drawn_[i].first = static_cast<std::uint32_t>(boxes);
+      boxes += triangles;
+    } else if (!geometry.shared.empty() && geometry.shared[i].level != SharedInstance::kOwn) {
       triangles = levels_.levels[geometry.shared[i].level].triangle_count;
     }
     drawn_[i].first_block = static_cast<std::uint32_t>(blocks);
@@ -474,6 +525,11 @@ absl::Status VisibilityRasterizer::number_blocks(const FrameGeometry& geometry) 
     return absl::ResourceExhaustedError(absl::StrCat(
         "visibility draw: ", blocks, " triangle blocks, at most ", element::kMaxBlocks));
   }
+  if (boxes > 0xffffffffULL) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat("visibility draw: ", boxes, " boxes of impostors, at most ", 0xffffffffU));
+  }
+  if (placed_.size() < boxes) placed_.resize(boxes + boxes / 2);
   if (block_instance_.size() < blocks) block_instance_.resize(blocks + blocks / 2);
   for (std::size_t i = 0; i < count; ++i) {
     const std::uint32_t end =
@@ -577,7 +633,8 @@ void VisibilityRasterizer::project_shadows(const FrameGeometry& geometry, const 
   });
 }
 
-void VisibilityRasterizer::bin_shadows(const SceneFrame& scene, const Viewport& viewport) {
+void VisibilityRasterizer::bin_shadows(const FrameGeometry& geometry, const SceneFrame& scene,
+                                       const Viewport& viewport) {
   const std::size_t tiles = std::size_t{tiles_x_} * tiles_y_;
   const auto cover = [&](const auto& f, std::uint32_t value, auto&& place) {
     if (f.x_low > f.x_high || f.y_low > f.y_high) return;
@@ -600,6 +657,9 @@ void VisibilityRasterizer::bin_shadows(const SceneFrame& scene, const Viewport& 
       BlobRecord& record = blobs_[i];
       record.blob = make_blob(scene, shades_[i]);
       record.place = element::blob_box(grid_, record.blob, scene.ground_relative_m);
+      if (!geometry.representation.empty() && geometry.representation[i] == Representation::kNone) {
+        record.place.x_high = record.place.x_low - 1;
+      }
     }
   });
   blob_bins_.fill(tiles, count_, pool_, [&](std::size_t begin, std::size_t end, auto&& place) {
@@ -609,9 +669,32 @@ void VisibilityRasterizer::bin_shadows(const SceneFrame& scene, const Viewport& 
   });
 }
 
-void VisibilityRasterizer::collect_items(int tile_x_px, int tile_y_px, int width, int height,
+/// Adds what an impostor shows at a sample; its weight and pixel are set by who calls.
+void VisibilityRasterizer::add_relief(const FrameGeometry& geometry, std::uint32_t instance,
+                                      std::uint32_t box, int sample_x, int sample_y,
+                                      std::size_t sample, TileScratch& scratch) const {
+  SurfaceItems& items = scratch.surface_items;
+  const std::size_t n = items.count;
+  const std::uint32_t texel = scratch.relief_texels[sample];
+  const ReliefStore::Member& member = reliefs_.members[geometry.instances[instance].character];
+  const ReliefHit hit =
+      relief_hit(reliefs_, reliefs_.boxes[member.first_box + box], texel,
+                 geometry.instances[instance], geometry.jointed[instance], geometry.joints.data(),
+                 relief_view_, sample_x, sample_y, scratch.planes.depth[sample]);
+  items.instance[n] = static_cast<std::int32_t>(instance);
+  items.base[n] = reliefs_.base[texel];
+  items.regions[n] = reliefs_.regions[texel];
+  for (int c = 0; c < 3; ++c) {
+    items.normal[c][n] = hit.normal[c];
+    items.relative[c][n] = hit.relative[c];
+  }
+}
+
+void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, int tile_x_px,
+                                         int tile_y_px, int width, int height,
                                          TileScratch& scratch) const {
   scratch.items.count = scratch.shared_items.count = scratch.flat_items.count = 0;
+  scratch.surface_items.count = 0;
   const float* depth = scratch.planes.depth;
   const std::uint32_t* ids = scratch.planes.id;
   BlockKind kinds[kTileSamples / 4][kTileSamples / 4];
@@ -639,6 +722,16 @@ void VisibilityRasterizer::collect_items(int tile_x_px, int tile_y_px, int width
     const std::uint32_t triangle =
         (element::block_of(id) - drawn.first_block) * element::kBlockTriangles +
         element::triangle_of(id);
+    if ((drawn.flags & DrawnInstance::kRelief) != 0) {
+      const int k = __builtin_ctz(samples);  // of the pixel's samples the first one that shows it
+      const int sample_x = 2 * x + (k & 1), sample_y = 2 * y + (k >> 1);
+      SurfaceItems& surface = scratch.surface_items;
+      add_relief(geometry, instance, triangle, 2 * tile_x_px + sample_x, 2 * tile_y_px + sample_y,
+                 sample_index(sample_x, sample_y), scratch);
+      surface.weight[surface.count] = kPlaces[samples].weight;
+      surface.pixel[surface.count++] = static_cast<std::uint16_t>(y * kTilePx + x);
+      return;
+    }
     const bool is_shared = (drawn.flags & DrawnInstance::kShared) != 0;
     const bool is_flat = (drawn.flags & DrawnInstance::kFlat) != 0;
     ShadeItems& items = is_flat     ? scratch.flat_items
@@ -837,7 +930,12 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
         ++scratch.counters.hidden;
         continue;
       }
-      if ((drawn.flags & DrawnInstance::kShared) != 0) {
+      if ((drawn.flags & DrawnInstance::kRelief) != 0) {
+        draw_relief(reliefs_, reliefs_.members[drawn.flags & DrawnInstance::kCharacter],
+                    placed_.data() + drawn.first, drawn.first_block, relief_view_, relief_search_,
+                    tile_x, tile_y, scratch.planes, scratch.relief_texels, scratch.counters);
+        since_refresh += 7 * drawn.triangle_count;  // of boxes: a dozen triangles each
+      } else if ((drawn.flags & DrawnInstance::kShared) != 0) {
         draw_shared(shared_triangles(geometry, drawn), grid_, tile_x, tile_y, scratch.shared,
                     scratch.planes, scratch.counters);
       } else if ((drawn.flags & DrawnInstance::kListed) != 0) {
@@ -874,7 +972,7 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
   if (empty) {
     std::fill(scratch.background_share, scratch.background_share + kPixels, 1.0F);
   } else {
-    collect_items(tile_x_px, tile_y_px, width, height, scratch);
+    collect_items(geometry, tile_x_px, tile_y_px, width, height, scratch);
     if (facts_ != nullptr) {
       collect_facts(tile_x_px, tile_y_px, width, height, static_cast<int>(viewport.width_px),
                     scratch.planes);
@@ -884,13 +982,18 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
                               shared_shades_.data(), tones_.data()};
     shade_shared_items(scene, shared, shades_.data(), textures_, scratch.shared_items);
     shade_flat_items(scene, shared, shades_.data(), scratch.flat_items);
-    for (const ShadeItems* items : {&scratch.items, &scratch.shared_items, &scratch.flat_items}) {
-      scratch.counters.shaded += items->count;
-      for (std::size_t n = 0; n < items->count; ++n) {
-        const std::size_t pixel = items->pixel[n];
-        for (int c = 0; c < 3; ++c) scratch.rgb[c][pixel] += items->weight[n] * items->rgb[c][n];
+    shade_surface_items(scene, shades_.data(), scratch.surface_items);
+    const auto add_colors = [&scratch](const auto& items) {
+      scratch.counters.shaded += items.count;
+      for (std::size_t n = 0; n < items.count; ++n) {
+        const std::size_t pixel = items.pixel[n];
+        for (int c = 0; c < 3; ++c) scratch.rgb[c][pixel] += items.weight[n] * items.rgb[c][n];
       }
-    }
+    };
+    add_colors(scratch.items);
+    add_colors(scratch.shared_items);
+    add_colors(scratch.flat_items);
+    add_colors(scratch.surface_items);
   }
   add_background(scene, tile, tile_x_px, tile_y_px, width, height, scratch, geometry);
   for (int y = 0; y < height; ++y) {
@@ -916,6 +1019,10 @@ absl::Status VisibilityRasterizer::draw(const FrameGeometry& geometry, const Cam
     tiles_x_ = (viewport.width_px + kTilePx - 1) / kTilePx;
     tiles_y_ = (viewport.height_px + kTilePx - 1) / kTilePx;
     const SceneFrame scene = make_scene_frame(camera, viewport, origin_world, look);
+    relief_view_ = make_relief_view(scene, grid_);
+    relief_search_ = look.relief_search;
+    relief_search_.linear_steps = std::clamp(relief_search_.linear_steps, 1U, 1024U);
+    relief_search_.binary_steps = std::min(relief_search_.binary_steps, 32U);
     count_ = geometry.instances.size();
     for (auto& one : scratch_) one->counters = {};
     if (count_ > 0) {
@@ -925,7 +1032,7 @@ absl::Status VisibilityRasterizer::draw(const FrameGeometry& geometry, const Cam
       bin();
       if (scene.shadows) {
         project_shadows(geometry, scene);
-        bin_shadows(scene, viewport);
+        bin_shadows(geometry, scene, viewport);
       }
     }
     if (facts_ != nullptr) {

@@ -3,9 +3,19 @@
 #include <glm/glm.hpp>
 
 #include "frame_fixture.hpp"
+#include "throng/render/relief.hpp"
 
 namespace throng::render {
 namespace {
+
+/// Whose boxes nobody looks into here.
+std::shared_ptr<const Cast> cast_with_impostors() {
+  auto cast = std::make_shared<Cast>(*test::tiny_cast());
+  for (CastMember& member : cast->members) {
+    member.character.relief = std::make_shared<const Relief>();
+  }
+  return cast;
+}
 
 constexpr Selection kOwnMesh{.vertex_budget = 20'000'000};
 
@@ -14,7 +24,7 @@ Selection with(FormRule form, PoseMode pose, GeometryKind geometry) {
 }
 
 TEST(FormsTest, ImpostorsHaveJointsInsteadOfVertices) {
-  const auto cast = test::tiny_cast();
+  const auto cast = cast_with_impostors();
   const auto crowd = test::walking_crowd(cast, 60, 20.0);
   test::Stage stage(cast);
   stage.advance(*crowd, 0);
@@ -39,7 +49,7 @@ TEST(FormsTest, ImpostorsHaveJointsInsteadOfVertices) {
 }
 
 TEST(FormsTest, JointsMoveVerticesToWhereTheMeshHasThem) {
-  const auto cast = test::tiny_cast();
+  const auto cast = cast_with_impostors();
   const auto crowd = test::walking_crowd(cast, 20, 10.0);
   test::Stage stage(cast);
   stage.advance(*crowd, 0);
@@ -73,6 +83,64 @@ TEST(FormsTest, JointsMoveVerticesToWhereTheMeshHasThem) {
       EXPECT_LT(glm::distance(vertex.position_relative, expected), 1e-4F);
     }
   }
+}
+
+TEST(FormsTest, MixedSpendsNoMoreThanTheBudget) {
+  const auto cast = test::tiny_cast();
+  const auto crowd = test::walking_crowd(cast, 900, 60.0);
+  test::Stage stage(cast);
+  stage.advance(*crowd, 0);
+  for (const std::uint64_t budget : {0ULL, 12'000ULL, 20'000ULL, 1'000'000ULL}) {
+    for (const PoseMode pose : {PoseMode::kShared, PoseMode::kExact}) {
+      Selection selection = with(FormRule::kMixed, pose, GeometryKind::kFused);
+      selection.vertex_budget = budget;
+      selection.mixed.error_px = 0.01F;
+      stage.finish(selection);
+      EXPECT_LE(stage.counters().vertices, stage.counters().effective_budget);
+      std::uint64_t least = 0;
+      for (const VisibleInstance& instance : stage.geometry().instances) {
+        const Character& character = cast->members[instance.character].character;
+        EXPECT_EQ(character.legal_count[instance.vertex_count], instance.vertex_count);
+        least += character.coarsest_count;
+      }
+      EXPECT_LE(stage.counters().vertices, std::max(budget, least));
+    }
+  }
+}
+
+TEST(FormsTest, MixedTakesFewerVerticesWhereMoreErrorIsAllowed) {
+  const auto cast = test::tiny_cast();
+  const auto crowd = test::walking_crowd(cast, 300, 40.0);
+  test::Stage stage(cast);
+  stage.advance(*crowd, 0);
+  std::uint64_t before = ~std::uint64_t{0};
+  for (const float error_px : {0.001F, 0.05F, 0.4F, 3.0F}) {
+    Selection selection = with(FormRule::kMixed, PoseMode::kShared, GeometryKind::kFused);
+    selection.mixed.error_px = error_px;
+    stage.finish(selection);
+    EXPECT_LE(stage.counters().vertices, before);
+    before = stage.counters().vertices;
+  }
+}
+
+TEST(FormsTest, OfThoseUnderAPixelSomeStandForAll) {
+  const auto cast = test::tiny_cast();
+  const auto crowd = test::walking_crowd(cast, 4000, 300.0);
+  test::Stage stage(cast);
+  stage.camera.eye_world = {0.0, -4000.0, 900.0};  // half a pixel tall
+  stage.advance(*crowd, 0);
+  stage.finish(with(FormRule::kMixed, PoseMode::kShared, GeometryKind::kFused));
+  const ComputeCounters counters = stage.counters();
+  const std::uint32_t none = counters.drawn_as[0], drawn = counters.drawn_as[1];
+  EXPECT_EQ(none + drawn, counters.visible);
+  EXPECT_GT(none, counters.visible / 3);
+  EXPECT_GT(drawn, counters.visible / 20);
+  // the same agents the next time
+  const auto first = stage.geometry().representation;
+  const std::vector<Representation> kept(first.begin(), first.end());
+  stage.finish(with(FormRule::kMixed, PoseMode::kShared, GeometryKind::kFused));
+  const auto again = stage.geometry().representation;
+  EXPECT_TRUE(std::equal(kept.begin(), kept.end(), again.begin(), again.end()));
 }
 
 }  // namespace

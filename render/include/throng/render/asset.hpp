@@ -12,6 +12,8 @@
 
 namespace throng::render {
 
+struct Relief;  // relief.hpp
+
 enum class ClipKind : std::uint32_t {
   kOther = 0,
   kIdle = 1,
@@ -80,11 +82,12 @@ struct Character {
   std::uint32_t coarsest_count = 0;            // fewest vertices the collapse reached (legal)
   std::vector<Joint> joints;                   // [J] parents first
   std::vector<Clip> clips;
-  std::span<const Affine> palette;  // [F][J] T * B^-1 of equation 2, model frame
-  glm::vec4 bounds{0.0F};           // sphere over all frames of all clips: centre, radius
-  float height_m = 0.0F;            // top of the bind pose
-  MipImage base_color;              // sRGB
-  MipImage tint_mask;               // weights r skin, g hair, b top, a bottom; may be empty
+  std::span<const Affine> palette;       // [F][J] T * B^-1 of equation 2, model frame
+  glm::vec4 bounds{0.0F};                // sphere over all frames of all clips: centre, radius
+  float height_m = 0.0F;                 // top of the bind pose
+  MipImage base_color;                   // sRGB
+  MipImage tint_mask;                    // weights r skin, g hair, b top, a bottom; may be empty
+  std::shared_ptr<const Relief> relief;  // impostor; null: none was baked
   std::shared_ptr<const void> storage;
 
   std::uint32_t vertex_count() const { return static_cast<std::uint32_t>(position.size()); }

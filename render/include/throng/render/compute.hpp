@@ -67,6 +67,7 @@ struct Selection {
   GeometryKind geometry = GeometryKind::kBatched;
   // what the agents are drawn as; the cuda backend makes kMesh of it so far
   FormRule form = FormRule::kMesh;
+  MixedForms mixed;
   bool on_device = false;  // leave batched geometry where it was made; of cuda only
 };
 

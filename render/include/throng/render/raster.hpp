@@ -19,6 +19,14 @@ namespace throng::render {
 /// kAuto: gl where EGL offers a GPU, else visibility; `RasterInfo::detail` says why.
 enum class RasterKind { kAuto, kGl, kVisibility };
 
+/// How far a ray looks into the boxes of relief impostors. Adaptive: at most so many steps, fewer
+/// where a box covers few pixels, and what lies between two steps is found where the ray passes
+/// through it; else always as many, as published (Beacco 2010: 16 and 7).
+struct ReliefSearch {
+  std::uint32_t linear_steps = 16, binary_steps = 7;  // at least 1 and 0
+  bool adaptive = true;
+};
+
 /// What a scene looks like beside its agents. Colours are linear.
 struct Look {
   glm::vec3 sun_direction_world{0.45F, -0.55F, 0.70F};  // towards the sun, need not be unit length
@@ -31,6 +39,7 @@ struct Look {
   bool shadows = true;  // contact shadows
   float channel_low = 0.0F, channel_high = 1.0F;  // range of the channel's colours (viridis)
   bool color_by_channel = false;
+  ReliefSearch relief_search;
 };
 
 struct RasterInfo {
@@ -85,6 +94,9 @@ class Rasterizer {
 
   /// True where geometry is drawn from the memory of a CUDA device (FrameGeometry::on_device).
   virtual bool takes_device() const { return false; }
+
+  /// True where agents can be drawn as this.
+  virtual bool draws(Representation form) const { return form <= Representation::kMesh; }
 
   /// Textures of the cast, once.
   virtual absl::Status upload(std::shared_ptr<const Cast> cast) = 0;
