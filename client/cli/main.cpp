@@ -4,21 +4,13 @@
 #include <string>
 
 #include "client/cli/commands.hpp"
+#include "client/cli/connection_flags.hpp"
 #include "client/cli/interrupt.hpp"
 #include "throng/trajectory/writer.hpp"
 
 namespace {
 
 using namespace throng::client;
-
-void add_connection(CLI::App& app, Common& common) {
-  app.add_option("--server", common.connection.url,
-                 "HOST:PORT, grpcs://HOST:PORT for TLS (default: THRONG_URL, else 127.0.0.1:7447)");
-  app.add_option("--ca-file", common.connection.ca_file,
-                 "PEM that the server's certificate is checked with (default: THRONG_CA_FILE)");
-  app.add_option("--token-file", common.connection.token_file,
-                 "File with the token to show (default: THRONG_TOKEN_FILE)");
-}
 
 void add_reading(CLI::App& app, throng::trajectory::ReadOptions& read, std::string& unit,
                  std::string& z) {
@@ -99,7 +91,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   app.fallthrough();
   app.add_flag("--quiet,-q", common.quiet, "No progress");
-  add_connection(app, common);
+  add_connection(app, common.connection);
   app.footer(
       "Examples:\n"
       "  throng publish run.sqlite --crowd station --loop\n"

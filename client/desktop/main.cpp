@@ -7,6 +7,7 @@
 #include <sstream>
 #include <string>
 
+#include "client/cli/connection_flags.hpp"
 #include "client/desktop/window.hpp"
 
 namespace {
@@ -40,12 +41,7 @@ int main(int argc, char** argv) {
   CLI::App app{"Shows a crowd that a throng server draws, in a window.", "throng-view"};
   app.footer(kFooter);
   app.set_version_flag("--version", "throng-view " THRONG_VERSION);
-  app.add_option("--server", settings.connection.url,
-                 "HOST:PORT, grpcs://HOST:PORT for TLS (default: THRONG_URL, else 127.0.0.1:7447)");
-  app.add_option("--ca-file", settings.connection.ca_file,
-                 "PEM that the server's certificate is checked with (default: THRONG_CA_FILE)");
-  app.add_option("--token-file", settings.connection.token_file,
-                 "File with the token to show (default: THRONG_TOKEN_FILE)");
+  add_connection(app, settings.connection);
   app.add_option("--crowd", settings.viewer.crowd,
                  "Name of the crowd (default: the only one, or the one chosen in the window)");
   app.add_option("--size", size, "WIDTHxHEIGHT of the window, px")->capture_default_str();

@@ -210,60 +210,49 @@ void ViewLink::run_errands() {
   }
 }
 
-template <typename Response>
-void ViewLink::errand(std::function<absl::Status(Response&)> call,
-                      std::function<void(const Response&)> then) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (errands_.size() >= kMostErrands) return;  // the server is slow: asked again later
-    errands_.push_back([this, call = std::move(call), then = std::move(then)] {
-      Response response;
-      if (!call(response).ok()) return;
-      {
-        const std::lock_guard answer_lock(mutex_);
-        answers_.push_back([then, response = std::move(response)] { then(response); });
-      }
-      wake_();
-    });
+struct ViewLink::Call {
+  /// Asks on the thread of errands; `then` is called by `deliver`.
+  template <typename Service, typename Request, typename Response>
+  static void ask(ViewLink& link,
+                  grpc::Status (Service::Stub::*method)(grpc::ClientContext*, const Request&,
+                                                        Response*),
+                  Request request, std::function<void(const Response&)> then) {
+    {
+      const std::lock_guard lock(link.mutex_);
+      if (link.errands_.size() >= kMostErrands) return;  // the server is slow: asked again later
+      link.errands_.push_back(
+          [&link, method, request = std::move(request), then = std::move(then)] {
+            grpc::ClientContext context;
+            context.set_deadline(std::chrono::system_clock::now() + kAnswerWithin);
+            link.connection_->prepare(context);
+            typename Service::Stub stub(link.connection_->channel());
+            Response response;
+            if (!(stub.*method)(&context, request, &response).ok()) return;
+            {
+              const std::lock_guard answer_lock(link.mutex_);
+              link.answers_.push_back([then, response = std::move(response)] { then(response); });
+            }
+            link.wake_();
+          });
+    }
+    link.changed_.notify_all();
   }
-  changed_.notify_all();
-}
+};
 
 void ViewLink::list_crowds(std::function<void(const v1::ListCrowdsResponse&)> then) {
-  errand<v1::ListCrowdsResponse>(
-      [this](v1::ListCrowdsResponse& response) {
-        grpc::ClientContext context;
-        context.set_deadline(std::chrono::system_clock::now() + kAnswerWithin);
-        connection_->prepare(context);
-        const auto stub = v1::CrowdService::NewStub(connection_->channel());
-        return from_grpc(stub->ListCrowds(&context, {}, &response), *connection_);
-      },
-      std::move(then));
+  Call::ask<v1::CrowdService>(*this, &v1::CrowdService::Stub::ListCrowds, v1::ListCrowdsRequest(),
+                              std::move(then));
 }
 
 void ViewLink::get_server_info(std::function<void(const v1::GetServerInfoResponse&)> then) {
-  errand<v1::GetServerInfoResponse>(
-      [this](v1::GetServerInfoResponse& response) {
-        grpc::ClientContext context;
-        context.set_deadline(std::chrono::system_clock::now() + kAnswerWithin);
-        connection_->prepare(context);
-        const auto stub = v1::ServerService::NewStub(connection_->channel());
-        return from_grpc(stub->GetServerInfo(&context, {}, &response), *connection_);
-      },
-      std::move(then));
+  Call::ask<v1::ServerService>(*this, &v1::ServerService::Stub::GetServerInfo,
+                               v1::GetServerInfoRequest(), std::move(then));
 }
 
 void ViewLink::pick(v1::PickAgentRequest request,
                     std::function<void(const v1::PickAgentResponse&)> then) {
-  errand<v1::PickAgentResponse>(
-      [this, request = std::move(request)](v1::PickAgentResponse& response) {
-        grpc::ClientContext context;
-        context.set_deadline(std::chrono::system_clock::now() + kAnswerWithin);
-        connection_->prepare(context);
-        const auto stub = v1::ViewService::NewStub(connection_->channel());
-        return from_grpc(stub->PickAgent(&context, request, &response), *connection_);
-      },
-      std::move(then));
+  Call::ask<v1::ViewService>(*this, &v1::ViewService::Stub::PickAgent, std::move(request),
+                             std::move(then));
 }
 
 void ViewLink::deliver() {

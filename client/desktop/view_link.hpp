@@ -72,9 +72,7 @@ class ViewLink {
   void run_errands();
   void receive(v1::StreamViewResponse& message);
   void end_stream(const absl::Status& status);
-  template <typename Response>
-  void errand(std::function<absl::Status(Response&)> call,
-              std::function<void(const Response&)> then);
+  struct Call;  // one unary call
 
   const std::shared_ptr<const Connection> connection_;
   const std::function<void()> wake_;

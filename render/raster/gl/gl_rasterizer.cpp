@@ -14,6 +14,7 @@
 #include "render/compute/cpu/work_pool.hpp"
 #include "render/raster/gl/cast_textures.hpp"
 #include "render/raster/gl/egl_context.hpp"
+#include "render/raster/gl/program.hpp"
 #include "render/raster/gl/shaders.hpp"
 #include "render/raster/scene.hpp"
 #include "render/raster/smooth_edges.hpp"
@@ -100,44 +101,6 @@ struct Target {
   }
 };
 
-absl::StatusOr<GLuint> compile(GLenum stage, const char* name, const std::string& source) {
-  const GLuint shader = glCreateShader(stage);
-  const char* text = source.c_str();
-  glShaderSource(shader, 1, &text, nullptr);
-  glCompileShader(shader);
-  GLint ok = GL_FALSE;
-  glGetShaderiv(shader, GL_COMPILE_STATUS, &ok);
-  if (ok == GL_TRUE) return shader;
-  char log[1024] = "";
-  glGetShaderInfoLog(shader, sizeof(log), nullptr, log);
-  glDeleteShader(shader);
-  return absl::InternalError(absl::StrCat("gl: shader ", name, ": ", log));
-}
-
-absl::StatusOr<GLuint> link(const char* name, const std::string& vertex,
-                            const std::string& fragment) {
-  auto vertex_shader = compile(GL_VERTEX_SHADER, name, vertex);
-  if (!vertex_shader.ok()) return vertex_shader.status();
-  auto fragment_shader = compile(GL_FRAGMENT_SHADER, name, fragment);
-  if (!fragment_shader.ok()) {
-    glDeleteShader(*vertex_shader);
-    return fragment_shader.status();
-  }
-  const GLuint program = glCreateProgram();
-  glAttachShader(program, *vertex_shader);
-  glAttachShader(program, *fragment_shader);
-  glLinkProgram(program);
-  glDeleteShader(*vertex_shader);
-  glDeleteShader(*fragment_shader);
-  GLint ok = GL_FALSE;
-  glGetProgramiv(program, GL_LINK_STATUS, &ok);
-  if (ok == GL_TRUE) return program;
-  char log[1024] = "";
-  glGetProgramInfoLog(program, sizeof(log), nullptr, log);
-  glDeleteProgram(program);
-  return absl::InternalError(absl::StrCat("gl: program ", name, ": ", log));
-}
-
 class GlRasterizer final : public Rasterizer {
  public:
   GlRasterizer(std::unique_ptr<EglContext> context, unsigned threads)
@@ -186,7 +149,7 @@ class GlRasterizer final : public Rasterizer {
          cast_shadow_fragment_shader()},
         {&background_, "background", background_vertex_shader(), background_fragment_shader()}};
     for (const Wanted& one : wanted) {
-      auto program = link(one.name, one.vertex, one.fragment);
+      auto program = make_program(one.name, one.vertex, one.fragment);
       if (!program.ok()) return program.status();
       *one.program = *program;
     }
@@ -319,7 +282,8 @@ class GlRasterizer final : public Rasterizer {
   };
 
   absl::Status compile_agents(const ShaderOptions& options) {
-    auto program = link("agents", agent_vertex_shader(options), agent_fragment_shader(options));
+    auto program =
+        make_program("agents", agent_vertex_shader(options), agent_fragment_shader(options));
     if (!program.ok()) return program.status();
     glDeleteProgram(agents_);
     agents_ = *program;

@@ -11,6 +11,7 @@
 #include "bench/experiments/discrete.hpp"
 #include "render/raster/gl/cast_textures.hpp"
 #include "render/raster/gl/egl_context.hpp"
+#include "render/raster/gl/program.hpp"
 
 namespace throng::bench {
 namespace {
@@ -91,26 +92,6 @@ absl::Status failed(const char* call) {
                                   : absl::InternalError(message);
 }
 
-absl::StatusOr<GLuint> make_program() {
-  const GLuint program = glCreateProgram();
-  for (const auto& [stage, source] :
-       {std::pair{GL_VERTEX_SHADER, kVertexShader}, {GL_FRAGMENT_SHADER, kFragmentShader}}) {
-    const GLuint shader = glCreateShader(static_cast<GLenum>(stage));
-    glShaderSource(shader, 1, &source, nullptr);
-    glCompileShader(shader);
-    glAttachShader(program, shader);
-    glDeleteShader(shader);
-  }
-  glLinkProgram(program);
-  GLint ok = GL_FALSE;
-  glGetProgramiv(program, GL_LINK_STATUS, &ok);
-  if (ok == GL_TRUE) return program;
-  char log[1024] = "";
-  glGetProgramInfoLog(program, sizeof(log), nullptr, log);
-  glDeleteProgram(program);
-  return absl::InternalError(absl::StrCat("instancing: program: ", log));
-}
-
 class GlInstancing final : public Instancing {
  public:
   explicit GlInstancing(std::unique_ptr<render::gl::EglContext> context)
@@ -130,7 +111,7 @@ class GlInstancing final : public Instancing {
   absl::Status prepare(const Cast& cast) {
     render::gl::BoundContext bound(*context_);
     if (!bound.status().ok()) return bound.status();
-    auto program = make_program();
+    auto program = render::gl::make_program("instancing", kVertexShader, kFragmentShader);
     if (!program.ok()) return program.status();
     program_ = *program;
 

@@ -96,6 +96,12 @@ struct Flags {
   RasterOptions raster_pairs;
 };
 
+/// How many of something, from 1.
+void add_count(CLI::App& command, const char* name, std::uint32_t& count, std::uint32_t most,
+               const char* about) {
+  command.add_option(name, count, about)->capture_default_str()->check(CLI::Range(1U, most));
+}
+
 void add_common(CLI::App& command, Flags& flags) {
   command
       .add_option("--cast", flags.cast, "Folder of baked characters (default: the built-in cast)")
@@ -115,9 +121,7 @@ void add_common(CLI::App& command, Flags& flags) {
 /// The crowd, what draws it, and how the budget is dealt out.
 void add_crowd(CLI::App& command, Flags& flags, std::uint32_t& agents,
                std::vector<double>& budgets_million, std::string& camera_path) {
-  command.add_option("--agents", agents, "Instances in the crowd")
-      ->capture_default_str()
-      ->check(CLI::Range(1U, 4'000'000U));
+  add_count(command, "--agents", agents, 4'000'000, "Instances in the crowd");
   command.add_option("--budgets", budgets_million, "Vertex budgets N, in millions")
       ->delimiter(',')
       ->capture_default_str()
@@ -156,9 +160,8 @@ int run(int argc, char** argv) {
   add_common(*paper, flags);
   add_crowd(*paper, flags, flags.paper.agents, flags.paper.budgets_million,
             flags.paper.camera_path);
-  paper->add_option("--frames", flags.paper.frames, "Frames, spread over the walkthrough's 1,000")
-      ->capture_default_str()
-      ->check(CLI::Range(1U, Walkthrough::kFrames));
+  add_count(*paper, "--frames", flags.paper.frames, Walkthrough::kFrames,
+            "Frames, spread over the walkthrough's 1,000");
 
   std::string compute = "cpu";
   paper->add_option("--compute", compute, "What the stages before the rasterizer run on")
@@ -198,9 +201,7 @@ int run(int argc, char** argv) {
   CLI::App* peng = app.add_subcommand(
       "peng2011", "Peng et al. 2011, tables 1 and 2: one character, 32 to 32,768");
   add_common(*peng, flags);
-  peng->add_option("--frames", flags.peng.frames, "Frames of each row")
-      ->capture_default_str()
-      ->check(CLI::Range(1U, 1000U));
+  add_count(*peng, "--frames", flags.peng.frames, 1000, "Frames of each row");
   peng->add_option("--most", flags.peng.most, "Leave out rows with more instances")
       ->capture_default_str()
       ->check(CLI::Range(32U, 32768U));
@@ -212,9 +213,8 @@ int run(int argc, char** argv) {
   add_common(*quality, flags);
   add_crowd(*quality, flags, flags.quality.agents, flags.quality.budgets_million,
             flags.quality.camera_path);
-  quality->add_option("--places", flags.quality.places, "Places of the walkthrough, 2 frames each")
-      ->capture_default_str()
-      ->check(CLI::Range(1U, 500U));
+  add_count(*quality, "--places", flags.quality.places, 500,
+            "Places of the walkthrough, 2 frames each");
   quality->add_flag("--no-shadows", flags.no_shadows, "Draw no contact shadows");
   quality->add_option("--pictures", flags.quality.pictures, "Write what is compared as PNG")
       ->type_name("DIR");
@@ -222,9 +222,7 @@ int run(int argc, char** argv) {
   CLI::App* raster =
       app.add_subcommand("raster", "Visibility rasterizer against gl on identical buffers");
   add_common(*raster, flags);
-  raster->add_option("--pairs", flags.raster_pairs.pairs, "Draws by each, in turns")
-      ->capture_default_str()
-      ->check(CLI::Range(1U, 1000U));
+  add_count(*raster, "--pairs", flags.raster_pairs.pairs, 1000, "Draws by each, in turns");
   raster
       ->add_option("--gl-samples", flags.raster_pairs.gl_samples,
                    "Samples a pixel that gl takes where it is timed")
@@ -259,10 +257,6 @@ int run(int argc, char** argv) {
     if (paper->count("--frames") == 0) flags.paper.frames = 5;
   }
   if (figure == 5) {
-    if (figure == 7) {
-      if (paper->count("--budgets") == 0) flags.paper.budgets_million = {5, 10};
-      if (paper->count("--frames") == 0) flags.paper.frames = 5;
-    }
     if (flags.size.empty()) flags.size = "640x360";
     if (paper->count("--budgets") == 0) flags.paper.budgets_million = {1, 6, 10};
   }
