@@ -96,9 +96,10 @@ void shade_instances(const FrameGeometry& geometry, const Cast& cast, const Scen
   std::size_t kept = 0;
   for (; kept < casters.size(); ++kept) {
     const std::uint32_t i = casters[kept];
-    const std::uint64_t triangles = geometry.triangle_offset[i + 1] - geometry.triangle_offset[i];
-    if (triangles > room) break;
-    room -= triangles;
+    const std::uint32_t charge = element::shadow_charge(
+        geometry.triangle_offset[i + 1] - geometry.triangle_offset[i], shades[i].size_px);
+    if (charge > room) break;
+    room -= charge;
     shades[i].cast_shadow = element::cast_shadow_of(shades[i].size_px);
   }
   casters.resize(kept);

@@ -47,7 +47,7 @@ THRONG_HOST_DEVICE inline InstanceShade instance_shade(const VisibleInstance& in
   if (instance.character >= first_surrounding) {
     shade.character = first_surrounding;
     shade.channel = kNoChannel;
-    shade.cast_shadow = 1.0F;  // and no blob
+    shade.cast_shadow = kNoBlob;
   }
   return shade;
 }
@@ -59,10 +59,29 @@ THRONG_HOST_DEVICE inline float cast_shadow_of(float size_px) {
   return glm::smoothstep(kCastShadowFromPx, kCastShadowFullPx, size_px);
 }
 
-/// Triangles that cast shadows may have in all: a third of the figures' own.
+/// Triangles that cast shadows may have in all: an eighth of the figures' own.
 THRONG_HOST_DEVICE inline std::uint64_t shadow_room(std::uint64_t triangles_drawn) {
-  const std::uint64_t third = triangles_drawn / 3;
-  return third < 60'000 ? 60'000 : third;
+  constexpr std::uint64_t kLeast = 120'000;
+  const std::uint64_t share = triangles_drawn / 8;
+  return share < kLeast ? kLeast : share;
+}
+
+/// Vertices a caster's shadow is drawn with: it shows less than the figure, a quarter of its
+/// vertices, and the smaller it is the less.
+THRONG_HOST_DEVICE inline std::uint32_t shadow_vertices(std::uint32_t vertex_count,
+                                                        std::uint32_t most_of_a_level,
+                                                        float size_px) {
+  constexpr std::uint32_t kLeast = 96;
+  const float shown = 2.0F * (size_px < 4096.0F ? size_px : 4096.0F);
+  const auto seen = static_cast<std::uint32_t>(shown);
+  const std::uint32_t quarter = vertex_count / 4 < seen ? vertex_count / 4 : seen;
+  return quarter < kLeast ? kLeast : (quarter < most_of_a_level ? quarter : most_of_a_level);
+}
+
+/// Of the room, what the shadow of a figure of so many triangles takes (two for each vertex).
+THRONG_HOST_DEVICE inline std::uint32_t shadow_charge(std::uint32_t triangles, float size_px) {
+  const std::uint32_t drawn = 2 * shadow_vertices(triangles / 2, 0xffffffffU, size_px);
+  return drawn < triangles ? drawn : triangles;
 }
 
 }  // namespace throng::render::element

@@ -29,10 +29,12 @@ struct InstanceShade {
   std::uint32_t tint[4];  // skin, hair, top, bottom: element::pack_tint
   std::uint32_t character;
   std::uint32_t channel;  // element::pack_color, or kNoChannel
-  float cast_shadow;  // share of the shadow drawn as the figure's projection, the rest is a blob
+  float cast_shadow;  // share of the shadow drawn as the figure's projection, the rest is a blob;
+                      // kNoBlob: all of it, and nothing where it touches the ground
   float size_px;      // the figure's height on the picture
 };
 inline constexpr std::uint32_t kNoChannel = 0xffffffffU;
+inline constexpr float kNoBlob = 2.0F;
 static_assert(sizeof(InstanceShade) == 48);
 
 }  // namespace throng::render

@@ -46,7 +46,7 @@ struct Instance {
   uvec4 tints;    // skin, hair, top, bottom: element::pack_tint
   uint layer;     // of the textures
   uint channel;   // colour of the channel, 0xffffffff: none
-  float cast_shadow;  // share of the shadow that is drawn as a projected figure
+  float cast_shadow;  // share of the shadow that is drawn as a projected figure; 2: no blob at all
   float size_px;
 };
 layout(std430, binding = 1) readonly buffer Instances { Instance instances[]; };
@@ -153,7 +153,8 @@ void main() {
   float distance_m = frame.horizon_color.w > 0.5 ? 1e-3 : length(instance.feet.xyz);
   float seen = (1.0 - exp2(-55.0 * min(abs(frame.sun_direction.w) / distance_m, 1.0))) *
                exp2(-distance_m * frame.ground_color.w);
-  v_strength = vec3(reach, seen, seen * (1.0 - instance.cast_shadow));
+  v_strength = vec3(reach, seen * min(2.0 - instance.cast_shadow, 1.0),
+                    seen * max(1.0 - instance.cast_shadow, 0.0));
   vec2 place = instance.feet.xy +
                (away * along + vec2(-away.y, away.x) * across) * (instance.feet.w / 1.75);
   gl_Position = frame.clip_from_relative * vec4(place, frame.sun_direction.w, 1.0);
@@ -189,7 +190,7 @@ void main() {
   vec3 sun = frame.sun_direction.xyz;
   vec2 place = position.xy - sun.xy * (height / max(sun.z, 0.05));
   float distance_m = frame.horizon_color.w > 0.5 ? 1e-3 : length(feet.xyz);
-  v_share = instances[visible].cast_shadow *
+  v_share = min(instances[visible].cast_shadow, 1.0) *
             (1.0 - exp2(-55.0 * min(abs(frame.sun_direction.w) / distance_m, 1.0)));
   v_height = height / max(feet.w, 0.1);
   gl_Position = frame.clip_from_relative * vec4(place, frame.sun_direction.w, 1.0);

@@ -570,7 +570,8 @@ void VisibilityRasterizer::project_shadows(const FrameGeometry& geometry, const 
     std::uint32_t level = Caster::kAllTriangles;
     std::uint32_t vertex_count = geometry.vertex_offset[i + 1] - geometry.vertex_offset[i];
     std::uint32_t triangle_count = drawn_[i].triangle_count;
-    const std::uint32_t wanted = element::shadow_vertices(vertex_count, LevelTable::kMostVertices);
+    const std::uint32_t wanted =
+        element::shadow_vertices(vertex_count, LevelTable::kMostVertices, shades_[i].size_px);
     if (wanted < vertex_count && !cast_->members[instance.character].environment) {
       const std::uint32_t coarser = levels_.level_at[instance.character][wanted];
       if (coarser < levels_.levels.size() &&
@@ -620,7 +621,7 @@ void VisibilityRasterizer::project_shadows(const FrameGeometry& geometry, const 
     if (caster.footprint.clipped) {
       // reaches behind the eye: a soft blob instead
       caster.footprint.x_high = caster.footprint.x_low - 1;
-      shade.cast_shadow = 0.0F;
+      if (shade.cast_shadow != kNoBlob) shade.cast_shadow = 0.0F;
       return;
     }
     const float share = element::cast_shadow_share(scene, shade);

@@ -30,7 +30,8 @@ __global__ void prepare_kernel(RasterJob job) {
   } else if (shade.size_px > element::kCastShadowFromPx) {
     const unsigned long long key =
         static_cast<unsigned long long>(element::float_bits(shade.size_px)) << 32 | ~i;
-    job.candidates[atomicAdd(&job.counts->candidates, 1U)] = {key, i, triangles};
+    job.candidates[atomicAdd(&job.counts->candidates, 1U)] = {
+        key, i, element::shadow_charge(triangles, shade.size_px)};
   }
 }
 
@@ -93,7 +94,8 @@ __global__ void __launch_bounds__(kThreads) caster_kernel(RasterJob job) {
     const std::uint32_t first_vertex = job.vertex_offset[i];
     std::uint32_t vertices = job.vertex_offset[i + 1] - first_vertex;
     std::uint32_t triangles = job.triangle_offset[i + 1] - job.triangle_offset[i];
-    const std::uint32_t wanted = element::shadow_vertices(vertices, kMostLevelVertices);
+    const std::uint32_t wanted =
+        element::shadow_vertices(vertices, kMostLevelVertices, shade.size_px);
     std::uint32_t level = kNoLevel;
     if (wanted < vertices &&
         (job.cast.character[character].flags & RasterCharacter::kSurrounding) == 0) {
@@ -111,7 +113,7 @@ __global__ void __launch_bounds__(kThreads) caster_kernel(RasterJob job) {
           clipped || element::project(job.grid, point.position_relative).x == element::kNeedsClip;
     }
     if (__syncthreads_or(clipped ? 1 : 0) != 0) {
-      if (threadIdx.x == 0) job.shade[i].cast_shadow = 0.0F;
+      if (threadIdx.x == 0 && shade.cast_shadow != kNoBlob) job.shade[i].cast_shadow = 0.0F;
       continue;
     }
     const float share = element::cast_shadow_share(job.scene, shade);

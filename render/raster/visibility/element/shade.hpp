@@ -404,8 +404,8 @@ THRONG_HOST_DEVICE inline Blob make_blob(const SceneFrame& scene, const Instance
   const float slope = least(std::fabs(scene.ground_relative_m) / distance_m, 1.0F);
   const float seen =
       (1.0F - exp2_negative(-55.0F * slope)) * exp2_negative(-distance_m * scene.haze_per_m);
-  blob.contact = seen;
-  blob.body = seen * (1.0F - shade.cast_shadow);
+  blob.contact = seen * least(kNoBlob - shade.cast_shadow, 1.0F);
+  blob.body = seen * most(1.0F - shade.cast_shadow, 0.0F);
   return blob;
 }
 

@@ -2,6 +2,7 @@
 
 #include <glm/glm.hpp>
 
+#include "render/raster/element/instance_shade.hpp"
 #include "render/raster/visibility/element/clip.hpp"
 #include "render/raster/visibility/element/shade.hpp"
 
@@ -78,20 +79,12 @@ THRONG_HOST_DEVICE inline float cast_shadow_share(const SceneFrame& scene,
   const glm::vec3& feet = shade.feet_relative;
   const float distance_m = scene.orthographic ? 1e-3F : most(std::sqrt(dot3(feet, feet)), 1e-3F);
   const float slope = least(std::fabs(scene.ground_relative_m) / distance_m, 1.0F);
-  return shade.cast_shadow * (1.0F - exp2_negative(-55.0F * slope));
+  return least(shade.cast_shadow, 1.0F) * (1.0F - exp2_negative(-55.0F * slope));
 }
 
 /// And at a share of its height: what is thrown from higher up is weaker.
 THRONG_HOST_DEVICE inline float cast_shadow_strength(float share, float height_share) {
   return share * (0.56F - 0.14F * height_share);
-}
-
-/// Vertices a caster's shadow is drawn with: it shows less than the figure.
-THRONG_HOST_DEVICE inline std::uint32_t shadow_vertices(std::uint32_t vertex_count,
-                                                        std::uint32_t most_of_a_level) {
-  constexpr std::uint32_t kLeast = 96;
-  const std::uint32_t quarter = vertex_count / 4;
-  return quarter < kLeast ? kLeast : (quarter < most_of_a_level ? quarter : most_of_a_level);
 }
 
 }  // namespace throng::render::element
