@@ -8,6 +8,7 @@
 
 #include "throng/render/asset.hpp"
 #include "throng/render/compute.hpp"
+#include "throng/render/gpu.hpp"
 #include "throng/render/raster.hpp"
 
 namespace throng::server {
@@ -20,8 +21,9 @@ nlohmann::ordered_json compute_report(render::BackendKind kind) {
   return {{"available", true}};
 }
 
-nlohmann::ordered_json raster_report(render::RasterKind kind) {
-  const auto rasterizer = render::make_rasterizer(kind);
+nlohmann::ordered_json raster_report(render::RasterKind kind,
+                                     render::BackendKind compute = render::BackendKind::kCpu) {
+  const auto rasterizer = render::make_rasterizer(kind, 0, compute);
   if (!rasterizer.ok()) {
     return {{"available", false}, {"why", std::string(rasterizer.status().message())}};
   }
@@ -68,9 +70,15 @@ std::string doctor_report(const std::string& cast, bool json) {
   report["cast"] = cast_report(cast);
   report["compute"]["cpu"] = compute_report(render::BackendKind::kCpu);
   report["compute"]["cuda"] = compute_report(render::BackendKind::kCuda);
-  report["rasterizer"]["auto"] = raster_report(render::RasterKind::kAuto);
+  std::string why;
+  const render::BackendKind best = render::best_backend(why);
+  report["compute"]["auto"] = {{"available", true},
+                               {"name", best == render::BackendKind::kCuda ? "cuda" : "cpu"},
+                               {"detail", why}};
+  report["rasterizer"]["auto"] = raster_report(render::RasterKind::kAuto, best);
   report["rasterizer"]["gl"] = raster_report(render::RasterKind::kGl);
   report["rasterizer"]["visibility"] = raster_report(render::RasterKind::kVisibility);
+  report["cuda"] = render::describe_cuda();
   report["egl"] = render::describe_egl();
   // Driver texts need not be UTF-8.
   if (json) return report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
@@ -80,9 +88,13 @@ std::string doctor_report(const std::string& cast, bool json) {
   append(text, "cast", report["cast"]);
   append(text, "compute cpu", report["compute"]["cpu"]);
   append(text, "compute cuda", report["compute"]["cuda"]);
+  append(text, "compute auto", report["compute"]["auto"]);
   append(text, "rasterizer auto", report["rasterizer"]["auto"]);
   append(text, "rasterizer gl", report["rasterizer"]["gl"]);
   append(text, "rasterizer visibility", report["rasterizer"]["visibility"]);
+  for (const auto& line : report["cuda"]) {
+    absl::StrAppend(&text, "cuda: ", line.get<std::string>(), "\n");
+  }
   for (const auto& line : report["egl"]) {
     absl::StrAppend(&text, "egl: ", line.get<std::string>(), "\n");
   }

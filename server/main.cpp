@@ -5,6 +5,8 @@
 #include <spdlog/spdlog.h>
 #include <csignal>
 
+#include <absl/strings/str_cat.h>
+
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
@@ -16,6 +18,7 @@
 #include "server/rpc/server.hpp"
 #include "server/web/door.hpp"
 #include "throng/render/asset.hpp"
+#include "throng/render/gpu.hpp"
 #include "throng/render/raster.hpp"
 
 namespace {
@@ -140,7 +143,7 @@ int main(int argc, char** argv) {
   options.version = THRONG_VERSION;
   throng::server::WebOptions web;
   throng::render::FramePipelineOptions pipeline;
-  std::string cast_folder, raster = "auto", log_level = "info";
+  std::string cast_folder, compute = "auto", gpu, raster = "auto", log_level = "info";
   bool doctor = false, json = false;
 
   CLI::App app{"Shows crowds: takes agents from simulators and sends pictures to viewers.",
@@ -161,6 +164,10 @@ int main(int argc, char** argv) {
   app.add_option("--threads", pipeline.threads, "Render threads (0: one for each core)")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
+  app.add_option("--compute", compute, "What finds, poses and builds the figures")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"auto", "cpu", "cuda"}));
+  app.add_option("--gpu", gpu, "CUDA device (default: the first)")->type_name("INDEX|UUID");
   app.add_option("--raster", raster, "Rasterizer")
       ->capture_default_str()
       ->check(CLI::IsMember({"auto", "gl", "visibility"}));
@@ -194,6 +201,11 @@ int main(int argc, char** argv) {
   // A call's status says what went wrong; gRPC's own words are for those who look into gRPC.
   gpr_set_log_function([](gpr_log_func_args* args) { spdlog::debug("grpc: {}", args->message); });
   if (cast_folder.empty()) cast_folder = default_cast();
+  if (!gpu.empty()) {
+    if (absl::Status status = throng::render::choose_gpu(gpu); !status.ok()) {
+      return fail(kNoDevice, absl::StrCat("--gpu: ", status.message()));
+    }
+  }
   if (doctor) {
     std::fputs(throng::server::doctor_report(cast_folder, json).c_str(), stdout);
     return kOk;
@@ -211,6 +223,14 @@ int main(int argc, char** argv) {
   if (!cast.ok()) return fail(kBadInput, std::string(cast.status().message()));
   const auto shared_cast = std::make_shared<const throng::render::Cast>(*std::move(cast));
   pipeline.raster = raster_kind(raster);
+  pipeline.backend =
+      compute == "cuda" ? throng::render::BackendKind::kCuda : throng::render::BackendKind::kCpu;
+  if (compute == "auto") {
+    std::string why;
+    pipeline.backend = throng::render::best_backend(why);
+    spdlog::info("event=compute chosen={} why=\"{}\"",
+                 pipeline.backend == throng::render::BackendKind::kCuda ? "cuda" : "cpu", why);
+  }
 
   // Before any thread is made, so that all of them inherit it and only the wait below sees signals.
   sigset_t signals;

@@ -5,6 +5,12 @@
 
 namespace throng::render {
 
+BackendKind best_backend(std::string& why) {
+  const auto cuda = make_backend(BackendKind::kCuda);
+  why = cuda.ok() ? "a CUDA device runs this program" : std::string(cuda.status().message());
+  return cuda.ok() ? BackendKind::kCuda : BackendKind::kCpu;
+}
+
 absl::StatusOr<std::unique_ptr<ComputeBackend>> make_backend(BackendKind kind, unsigned threads) {
   switch (kind) {
     case BackendKind::kCpu:

@@ -15,10 +15,18 @@ absl::StatusOr<std::unique_ptr<Rasterizer>> make_rasterizer(RasterKind kind, uns
                                                             BackendKind compute) {
   switch (kind) {
     case RasterKind::kAuto: {
+      std::string cuda;
+#if THRONG_WITH_CUDA
+      if (compute == BackendKind::kCuda) {
+        auto rasterizer = visibility::make_cuda_rasterizer();
+        if (rasterizer.ok()) return rasterizer;
+        cuda = absl::StrCat(rasterizer.status().message(), "; ");
+      }
+#endif
       auto gl = gl::make_gl_rasterizer(threads, /*hardware_only=*/true);
       if (gl.ok()) return gl;
-      return visibility::make_visibility_rasterizer(threads,
-                                                    absl::StrCat("auto: ", gl.status().message()));
+      return visibility::make_visibility_rasterizer(
+          threads, absl::StrCat("auto: ", cuda, gl.status().message()));
     }
     case RasterKind::kGl:
       return gl::make_gl_rasterizer(threads);

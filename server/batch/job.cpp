@@ -376,7 +376,10 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
   }
 
   render::FramePipelineOptions pipeline_options = job.pipeline;
-  if (wants_passes) pipeline_options.raster = render::RasterKind::kVisibility;
+  if (wants_passes) {  // by the processor only
+    pipeline_options.raster = render::RasterKind::kVisibility;
+    pipeline_options.backend = render::BackendKind::kCpu;
+  }
   auto pipeline = render::FramePipeline::make(shared_cast, pipeline_options);
   if (!pipeline.ok()) {
     return failure(ExitCode::kNoRenderer, std::string(pipeline.status().message()));

@@ -10,7 +10,10 @@
 #include <filesystem>
 #include <string>
 
+#include <absl/strings/str_cat.h>
+
 #include "server/batch/job.hpp"
+#include "throng/render/gpu.hpp"
 
 namespace {
 
@@ -83,8 +86,8 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", "throng-render " THRONG_VERSION);
   BatchJob job;
   std::string size = "1280x720", unit, z_rule, shard = "1/1", channel_range, lod = "budget",
-              form = "mesh", raster = "auto", overlay, title, passes = "color",
-              box_extent = "visible";
+              form = "mesh", compute = "auto", gpu, raster = "auto", overlay, title,
+              passes = "color", box_extent = "visible";
   double source_fps = 0.0;
   app.add_option("trajectory", job.trajectory,
                  "Trajectory file (JuPedSim sqlite, archive text, CSV ...)")
@@ -179,6 +182,10 @@ int main(int argc, char** argv) {
   app.add_option("--jpeg-quality", job.jpeg_quality, "1 to 100")
       ->capture_default_str()
       ->check(CLI::Range(1, 100));
+  app.add_option("--compute", compute, "What finds, poses and builds the figures")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"auto", "cpu", "cuda"}));
+  app.add_option("--gpu", gpu, "CUDA device (default: the first)")->type_name("INDEX|UUID");
   app.add_option("--raster", raster, "Rasterizer")
       ->capture_default_str()
       ->check(CLI::IsMember({"auto", "gl", "visibility"}));
@@ -239,6 +246,18 @@ int main(int argc, char** argv) {
   job.pipeline.raster = raster == "gl"           ? throng::render::RasterKind::kGl
                         : raster == "visibility" ? throng::render::RasterKind::kVisibility
                                                  : throng::render::RasterKind::kAuto;
+  if (!gpu.empty()) {
+    if (absl::Status status = throng::render::choose_gpu(gpu); !status.ok()) {
+      return usage(absl::StrCat("--gpu: ", status.message()));
+    }
+  }
+  std::string why;
+  // other forms than meshes are drawn by the processor only
+  if (compute == "cuda" ||
+      (compute == "auto" && form == "mesh" &&
+       throng::render::best_backend(why) == throng::render::BackendKind::kCuda)) {
+    job.pipeline.backend = throng::render::BackendKind::kCuda;
+  }
   job.walls = !no_walls;
   job.look.shadows = !no_shadows;
   job.look.ground = !no_ground;

@@ -14,24 +14,13 @@
 
 #include "render/compute/common.hpp"
 #include "render/compute/cuda/cast.hpp"
+#include "render/compute/cuda/device.hpp"
 #include "render/compute/cuda/device_frame.hpp"
 #include "render/compute/cuda/launch.hpp"
 #include "render/compute/cuda/memory.hpp"
 
 namespace throng::render {
 namespace cuda {
-
-absl::Status to_status(cudaError_t error, const char* call) {
-  if (error == cudaSuccess) return absl::OkStatus();
-  const std::string text =
-      absl::StrCat(call, ": ", cudaGetErrorString(error), " (", cudaGetErrorName(error), ")");
-  if (error == cudaErrorMemoryAllocation) {
-    cudaGetLastError();  // it sticks no longer than it is looked at
-    return absl::ResourceExhaustedError(
-        absl::StrCat(text, "; lower the vertex budget or the number of agents"));
-  }
-  return absl::InternalError(text);
-}
 
 namespace {
 
@@ -129,16 +118,9 @@ class CudaBackend final : public ComputeBackend {
  public:
   static absl::StatusOr<std::unique_ptr<ComputeBackend>> make() {
     constexpr char kCall[] = "make_backend: cuda";
-    int devices = 0;
-    if (const cudaError_t error = cudaGetDeviceCount(&devices);
-        error != cudaSuccess || devices == 0) {
-      cudaGetLastError();
-      return absl::UnavailableError(
-          absl::StrCat(kCall, ": no device: ",
-                       error == cudaSuccess ? "the driver lists none" : cudaGetErrorString(error),
-                       " (nvidia-smi tells what the driver sees)"));
-    }
-    auto backend = std::unique_ptr<CudaBackend>(new CudaBackend());
+    const auto device = open_device(kCall);
+    if (!device.ok()) return device.status();
+    auto backend = std::unique_ptr<CudaBackend>(new CudaBackend(*device));
     if (absl::Status status = backend->begin(); !status.ok()) {
       return absl::UnavailableError(absl::StrCat(kCall, ": ", status.message()));
     }
@@ -158,6 +140,7 @@ class CudaBackend final : public ComputeBackend {
   }
 
   absl::Status upload(std::shared_ptr<const Cast> cast) override {
+    THRONG_CUDA_TRY(cudaSetDevice(device_), "upload: the cast");
     auto uploaded = CudaCast::upload(std::move(cast), stream_);
     if (!uploaded.ok()) return uploaded.status();
     const std::lock_guard lock(mutex_);
@@ -174,6 +157,7 @@ class CudaBackend final : public ComputeBackend {
       return status;
     }
     constexpr char kCall[] = "upload: the snapshot";
+    THRONG_CUDA_TRY(cudaSetDevice(device_), kCall);
     auto result = std::make_shared<CudaSnapshot>(stream_);
     result->time_us = snapshot->time_us;
     result->present = snapshot->present_count;
@@ -227,6 +211,7 @@ class CudaBackend final : public ComputeBackend {
                                                      " us, must not be after newer at ",
                                                      to->time_us, " us"));
     }
+    THRONG_CUDA_TRY(cudaSetDevice(device_), "advance");
     AdvanceJob job;
     job.between =
         element::between(from->time_us, to->time_us, scene_time_us, settings.extrapolate_limit_us);
@@ -279,6 +264,7 @@ class CudaBackend final : public ComputeBackend {
       return absl::InvalidArgumentError("cull: the view or the instances are of another backend");
     }
     if (absl::Status status = check_camera(camera, viewport); !status.ok()) return status;
+    THRONG_CUDA_TRY(cudaSetDevice(device_), "cull");
     own->stage = ViewStage::kNew;
     own->instances = std::move(own_instances);
     own->projection = projection_of(camera, viewport);
@@ -325,6 +311,7 @@ class CudaBackend final : public ComputeBackend {
     THRONG_CUDA_TRY(own->triangle_count.resize(slots + 1), "select");
     THRONG_CUDA_TRY(own->sums.resize(1), "select");
     own->on_device = selection.on_device;
+    THRONG_CUDA_TRY(cudaSetDevice(device_), "select");
     SelectJob job;
     job.cast = own->instances->cast->device();
     job.projection = own->projection;
@@ -356,6 +343,7 @@ class CudaBackend final : public ComputeBackend {
     THRONG_CUDA_TRY(scan_scratch_bytes(slots + 1, scratch_bytes), "allocate");
     THRONG_CUDA_TRY(own->vertex_offset.resize(slots + 1), "allocate");
     THRONG_CUDA_TRY(own->triangle_offset.resize(slots + 1), "allocate");
+    THRONG_CUDA_TRY(cudaSetDevice(device_), "allocate");
     AllocateJob job;
     job.slots = slots;
     job.vertex_count = own->vertex_count.data();
@@ -385,6 +373,7 @@ class CudaBackend final : public ComputeBackend {
       return status;
     }
     own->stage = ViewStage::kAllocated;
+    THRONG_CUDA_TRY(cudaSetDevice(device_), "generate");
     GenerateJob job;
     job.cast = own->instances->cast->device();
     job.visible = own->seen.visible;
@@ -457,24 +446,13 @@ class CudaBackend final : public ComputeBackend {
     cudaEvent_t copied = nullptr;
   };
 
-  CudaBackend() = default;
+  explicit CudaBackend(int device) : device_(device) {}
 
   absl::Status begin() {
-    THRONG_CUDA_TRY(cudaSetDevice(0), "device 0");
-    THRONG_CUDA_TRY(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "device 0");
+    THRONG_CUDA_TRY(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "stream");
     for (Staging& staging : staging_) {
-      THRONG_CUDA_TRY(cudaEventCreateWithFlags(&staging.copied, cudaEventDisableTiming),
-                      "device 0");
+      THRONG_CUDA_TRY(cudaEventCreateWithFlags(&staging.copied, cudaEventDisableTiming), "event");
     }
-    // what a frame gives back is kept for the next one, not returned whenever the host waits
-    cudaMemPool_t pool = nullptr;
-    std::uint64_t threshold_bytes = std::numeric_limits<std::uint64_t>::max();
-    THRONG_CUDA_TRY(cudaDeviceGetDefaultMemPool(&pool, 0), "device 0");
-    THRONG_CUDA_TRY(
-        cudaMemPoolSetAttribute(pool, cudaMemPoolAttrReleaseThreshold, &threshold_bytes),
-        "device 0");
-    THRONG_CUDA_TRY(probe_kernels(stream_), "device 0 can't run the built kernels");
-    THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), "device 0");
     return absl::OkStatus();
   }
 
@@ -594,6 +572,7 @@ class CudaBackend final : public ComputeBackend {
     return absl::OkStatus();
   }
 
+  int device_;
   cudaStream_t stream_ = nullptr;
   std::mutex mutex_;  // guards what follows
   std::shared_ptr<const CudaCast> cast_;

@@ -63,6 +63,7 @@ struct Rung {
   std::string name;
   EGLDeviceEXT device = nullptr;  // null: the surfaceless platform
   bool software = false;
+  int cuda_device = -1;  // as CUDA counts, -1: none that EGL knows of
 };
 
 /// Which extensions the EGL library has, and the rungs they open, best first.
@@ -105,6 +106,10 @@ Platforms find_platforms() {
       Rung rung{absl::StrCat("EGL device ", i), list[i], false};
       const char* device_extensions = eglQueryDeviceStringEXT(list[i], EGL_EXTENSIONS);
       rung.software = has_extension(device_extensions, "EGL_MESA_device_software");
+      if (EGLAttrib cuda = 0; has_extension(device_extensions, "EGL_NV_device_cuda") &&
+                              eglQueryDeviceAttribEXT(list[i], EGL_CUDA_DEVICE_NV, &cuda)) {
+        rung.cuda_device = static_cast<int>(cuda);
+      }
       (rung.software ? software : found.rungs).push_back(std::move(rung));
     }
   } else {
@@ -240,9 +245,11 @@ std::vector<std::string> describe_egl() {
   for (const gl::Rung& rung : platforms.rungs) {
     auto context = gl::Ladder::climb(rung);
     if (context.ok()) {
-      lines.push_back(absl::StrCat(rung.name, ": ",
-                                   (*context)->software() ? "software" : "hardware", ", ",
-                                   (*context)->renderer(), ", OpenGL ", (*context)->version()));
+      lines.push_back(absl::StrCat(
+          rung.name,
+          rung.cuda_device < 0 ? "" : absl::StrCat(" (CUDA device ", rung.cuda_device, ")"), ": ",
+          (*context)->software() ? "software" : "hardware", ", ", (*context)->renderer(),
+          ", OpenGL ", (*context)->version()));
     } else {
       lines.emplace_back(context.status().message());
     }

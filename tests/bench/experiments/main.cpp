@@ -41,6 +41,7 @@ constexpr const char* kFooter = R"(Examples:
   throng-bench peng2011 --most 8192
   throng-bench quality --agents 1000 --budgets 0.25,1 --pictures out
   throng-bench raster                                 visibility against OpenGL on llvmpipe
+  throng-bench gpu --json gpu.json                    visibility on a CUDA device
   throng-bench all --json-dir tests/bench/results     all of them, in short
 
 Times are wall and, beside them, of all threads on the processor (CPU): on a machine that others use
@@ -234,6 +235,14 @@ int run(int argc, char** argv) {
   raster->add_option("--pictures", flags.raster_pairs.pictures, "Write what is compared as PNG")
       ->type_name("DIR");
 
+  CLI::App* gpu =
+      app.add_subcommand("gpu", "Visibility on a CUDA device: triangles a second, atomics, memory");
+  add_common(*gpu, flags);
+  std::uint32_t draws = 20;
+  gpu->add_option("--draws", draws, "Draws of each case")
+      ->capture_default_str()
+      ->check(CLI::Range(1U, 10'000U));
+
   CLI::App* all = app.add_subcommand("all", "Every experiment, in short, in under ten minutes");
   std::string json_dir;
   all->add_option("--json-dir", json_dir, "Folder of the JSON files")->required()->type_name("DIR");
@@ -260,7 +269,7 @@ int run(int argc, char** argv) {
     if (flags.size.empty()) flags.size = "640x360";
     if (paper->count("--budgets") == 0) flags.paper.budgets_million = {1, 6, 10};
   }
-  if (flags.size.empty()) flags.size = *raster ? "1920x1088" : "1280x720";
+  if (flags.size.empty()) flags.size = *raster || *gpu ? "1920x1088" : "1280x720";
   if (!parse_size(flags.size, flags.common.viewport)) {
     return usage("--size: '" + flags.size + "' must be WxH with 1 to 16384 px a side");
   }
@@ -314,6 +323,7 @@ int run(int argc, char** argv) {
              : figure == 7 ? run_figure7(flags.common, flags.paper)
                            : run_paper(flags.common, flags.paper);
   }
+  if (*gpu) status = run_gpu(flags.common, draws);
   if (*all) status = run_all(flags.common, json_dir);
   if (*peng) status = run_peng2011(flags.common, flags.peng);
   if (*quality) status = run_quality(flags.common, flags.quality);

@@ -100,4 +100,7 @@ absl::Status run_quality(const Common& common, const QualityOptions& options);
 /// Visibility against gl on identical buffers. DataLoss when pictures differ beyond the limits.
 absl::Status run_raster(const Common& common, const RasterOptions& options);
 
+/// The rasterizer on a CUDA device, and the device's own rates. Unavailable without one.
+absl::Status run_gpu(const Common& common, std::uint32_t draws);
+
 }  // namespace throng::bench

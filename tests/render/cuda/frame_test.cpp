@@ -1,6 +1,6 @@
-// Whole frames by the CUDA sources, compiled for the processor: the same decisions, vertices and
-// pictures as by the processor's own backend and rasterizer, byte for byte.
-#include <cuda_runtime_api.h>
+// Whole frames by CUDA: the same decisions, vertices and pictures as by the processor's own backend
+// and rasterizer, byte for byte. Compiled twice: with the sources compiled for the processor, and
+// for a device (skipped, with the reason, where there is none).
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -10,11 +10,12 @@
 #include "render/raster/visibility/cuda/cuda_rasterizer.hpp"
 #include "throng/render/environment.hpp"
 #include "throng/render/raster.hpp"
+#if THRONG_CUDA_ON_HOST
+#include <cuda_runtime_api.h>
+#endif
 
 namespace throng::render {
 namespace {
-
-using test::cuda_on_host::faults;
 
 /// A backend and a rasterizer, driven stage by stage.
 struct Renderer {
@@ -139,7 +140,11 @@ void expect_same_bytes(std::span<const T> cpu, std::span<const T> cuda, const ch
 
 class CudaFrameTest : public testing::TestWithParam<Scene> {
  protected:
-  void TearDown() override { faults = {}; }
+  void SetUp() override {
+    if (auto backend = make_cuda_backend(); !backend.ok()) {
+      GTEST_SKIP() << backend.status().message();
+    }
+  }
 };
 
 TEST_P(CudaFrameTest, IsTheProcessorsByteForByte) {
@@ -206,7 +211,33 @@ INSTANTIATE_TEST_SUITE_P(
                           .time_us = 100'000}),
     name_of);
 
-TEST_F(CudaFrameTest, TellsWhatIsMissing) {
+TEST_F(CudaFrameTest, RefusesWhatItCanNotDraw) {
+  const Scene scene{.agents = 5};
+  Surroundings none;
+  const auto cast = cast_of(scene, none);
+  Renderer cuda = Renderer::on_cuda();
+  Picture picture;
+  EXPECT_EQ(draw(cuda, {}, scene, picture).code(), absl::StatusCode::kFailedPrecondition);
+  ASSERT_TRUE(cuda.upload(cast).ok());
+  Scene huge = scene;
+  huge.viewport = {20'000, 10};
+  EXPECT_EQ(draw(cuda, {}, huge, picture).code(), absl::StatusCode::kInvalidArgument);
+  struct Other : DeviceGeometry {
+  } other;
+  FrameGeometry geometry;
+  geometry.on_device = &other;
+  EXPECT_EQ(draw(cuda, geometry, scene, picture).code(), absl::StatusCode::kInvalidArgument);
+}
+
+#if THRONG_CUDA_ON_HOST  // a device can't be asked to fail
+
+class CudaFaultTest : public CudaFrameTest {
+ protected:
+  void TearDown() override { faults = {}; }
+  test::cuda_on_host::Faults& faults = test::cuda_on_host::faults;
+};
+
+TEST_F(CudaFaultTest, TellsWhatIsMissing) {
   faults.devices = cudaErrorNoDevice;
   const auto backend = make_cuda_backend();
   EXPECT_EQ(backend.status().code(), absl::StatusCode::kUnavailable);
@@ -215,7 +246,7 @@ TEST_F(CudaFrameTest, TellsWhatIsMissing) {
   EXPECT_NE(rasterizer.status().message().find("nvidia-smi"), std::string::npos);
 }
 
-TEST_F(CudaFrameTest, RunsOutOfMemoryWithoutLosingTheRest) {
+TEST_F(CudaFaultTest, RunsOutOfMemoryWithoutLosingTheRest) {
   const Scene scene{.agents = 50};
   Surroundings none;
   const auto cast = cast_of(scene, none);
@@ -232,7 +263,7 @@ TEST_F(CudaFrameTest, RunsOutOfMemoryWithoutLosingTheRest) {
   EXPECT_TRUE(again.ok()) << again;
 }
 
-TEST_F(CudaFrameTest, TellsOfAKernelThatWentWrong) {
+TEST_F(CudaFaultTest, TellsOfAKernelThatWentWrong) {
   const Scene scene{.agents = 5};
   Surroundings none;
   const auto cast = cast_of(scene, none);
@@ -252,23 +283,7 @@ TEST_F(CudaFrameTest, TellsOfAKernelThatWentWrong) {
             absl::StatusCode::kInternal);
 }
 
-TEST_F(CudaFrameTest, RefusesWhatItCanNotDraw) {
-  const Scene scene{.agents = 5};
-  Surroundings none;
-  const auto cast = cast_of(scene, none);
-  Renderer cuda = Renderer::on_cuda();
-  Picture picture;
-  EXPECT_EQ(draw(cuda, {}, scene, picture).code(), absl::StatusCode::kFailedPrecondition);
-  ASSERT_TRUE(cuda.upload(cast).ok());
-  Scene huge = scene;
-  huge.viewport = {20'000, 10};
-  EXPECT_EQ(draw(cuda, {}, huge, picture).code(), absl::StatusCode::kInvalidArgument);
-  struct Other : DeviceGeometry {
-  } other;
-  FrameGeometry geometry;
-  geometry.on_device = &other;
-  EXPECT_EQ(draw(cuda, geometry, scene, picture).code(), absl::StatusCode::kInvalidArgument);
-}
+#endif
 
 }  // namespace
 }  // namespace throng::render

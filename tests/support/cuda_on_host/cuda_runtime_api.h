@@ -39,9 +39,13 @@ inline constexpr unsigned cudaStreamNonBlocking = 1, cudaEventDisableTiming = 2;
 using cudaStream_t = struct CudaOnHostStream*;
 using cudaEvent_t = struct CudaOnHostEvent*;
 using cudaMemPool_t = struct CudaOnHostPool*;
+struct cudaUUID_t {
+  char bytes[16];
+};
 struct cudaDeviceProp {
   char name[256];
-  int major, minor, multiProcessorCount;
+  cudaUUID_t uuid;
+  int major, minor, multiProcessorCount, pciDomainID, pciBusID, pciDeviceID;
   std::size_t totalGlobalMem;
 };
 struct uint3 {
@@ -323,7 +327,7 @@ inline cudaError_t cudaGetDevice(int* device) {
 }
 inline cudaError_t cudaSetDevice(int) { return cudaSuccess; }
 inline cudaError_t cudaGetDeviceProperties(cudaDeviceProp* properties, int) {
-  *properties = {"processor", 0, 0, 1, std::size_t{1} << 30};
+  *properties = {"processor", {{1, 2, 3, 4}}, 0, 0, 1, 0, 0, 0, std::size_t{1} << 30};
   return cudaSuccess;
 }
 inline cudaError_t cudaMallocAsync(void** data, std::size_t size_bytes, cudaStream_t) {
@@ -360,6 +364,25 @@ inline cudaError_t cudaStreamSynchronize(cudaStream_t) {
 inline cudaError_t cudaStreamWaitEvent(cudaStream_t, cudaEvent_t, unsigned) { return cudaSuccess; }
 inline cudaError_t cudaEventCreateWithFlags(cudaEvent_t* event, unsigned) {
   *event = nullptr;
+  return cudaSuccess;
+}
+inline cudaError_t cudaEventCreate(cudaEvent_t* event) {
+  return cudaEventCreateWithFlags(event, 0);
+}
+inline cudaError_t cudaEventElapsedTime(float* ms, cudaEvent_t, cudaEvent_t) {
+  *ms = 0.0F;
+  return cudaSuccess;
+}
+inline cudaError_t cudaDriverGetVersion(int* version) {
+  *version = throng::test::cuda_on_host::faults.devices == cudaSuccess ? 13000 : 0;
+  return cudaSuccess;
+}
+inline cudaError_t cudaRuntimeGetVersion(int* version) {
+  *version = 13000;
+  return cudaSuccess;
+}
+inline cudaError_t cudaMemGetInfo(std::size_t* free_bytes, std::size_t* total_bytes) {
+  *free_bytes = *total_bytes = std::size_t{1} << 30;
   return cudaSuccess;
 }
 inline cudaError_t cudaEventDestroy(cudaEvent_t) { return cudaSuccess; }

@@ -7,6 +7,7 @@
 #include <glm/glm.hpp>
 #include <memory>
 #include <span>
+#include <string>
 
 #include "throng/render/asset.hpp"
 #include "throng/render/camera.hpp"
@@ -184,6 +185,9 @@ class ComputeBackend {
   /// Copies the mask of the last `cull` to `visible` [I]: 1 kept, 0 culled. For tests and tools.
   virtual absl::Status read_visible(const ViewWork& view, std::span<std::uint8_t> visible) = 0;
 };
+
+/// kCuda where a device runs it, else kCpu; `why` says what was tried.
+BackendKind best_backend(std::string& why);
 
 /// Unavailable when the kind was not built or this machine has no such device.
 /// @param threads  of the processor's backend; 0: one for each core.

@@ -16,7 +16,8 @@
 
 namespace throng::render {
 
-/// kAuto: gl where EGL offers a GPU, else visibility; `RasterInfo::detail` says why.
+/// kAuto: visibility where the geometry is made by cuda, gl where EGL offers a GPU, else
+/// visibility; `RasterInfo::detail` says why.
 enum class RasterKind { kAuto, kGl, kVisibility };
 
 /// How far a ray looks into the boxes of relief impostors. Adaptive: at most so many steps, fewer
@@ -55,6 +56,7 @@ struct RasterCounters {
   std::uint64_t surviving = 0;   // that face the eye and may cover a sample
   std::uint64_t shaded = 0;      // pixels of figures, once for each instance seen in them
   std::uint64_t size_bytes = 0;  // memory of the rasterizer, textures included
+  double device_ms = 0;          // from the geometry to the picture, on a device that counts it
 };
 
 /// Pixels, inclusive; x_low > x_high: none.

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "render/compute/cpu/levels.hpp"
+#include "render/compute/cuda/device.hpp"
 #include "render/compute/cuda/device_frame.hpp"
 #include "render/compute/cuda/launch.hpp"
 #include "render/compute/cuda/memory.hpp"
@@ -34,37 +35,22 @@ class CudaRasterizer final : public Rasterizer {
  public:
   static absl::StatusOr<std::unique_ptr<Rasterizer>> make() {
     constexpr char kCall[] = "make_rasterizer: cuda";
-    int devices = 0;
-    if (const cudaError_t error = cudaGetDeviceCount(&devices);
-        error != cudaSuccess || devices == 0) {
-      cudaGetLastError();
-      return absl::UnavailableError(
-          absl::StrCat(kCall, ": no device: ",
-                       error == cudaSuccess ? "the driver lists none" : cudaGetErrorString(error),
-                       " (nvidia-smi tells what the driver sees)"));
+    const auto device = render::cuda::open_device(kCall);
+    if (!device.ok()) return device.status();
+    auto rasterizer = std::unique_ptr<CudaRasterizer>(new CudaRasterizer(*device));
+    THRONG_CUDA_TRY(cudaStreamCreateWithFlags(&rasterizer->stream_, cudaStreamNonBlocking), kCall);
+    THRONG_CUDA_TRY(cudaEventCreateWithFlags(&rasterizer->ready_, cudaEventDisableTiming), kCall);
+    for (cudaEvent_t* event : {&rasterizer->began_, &rasterizer->ended_}) {
+      THRONG_CUDA_TRY(cudaEventCreate(event), kCall);
     }
-    cudaStream_t stream = nullptr;
-    cudaEvent_t ready = nullptr;
-    cudaDeviceProp properties{};
-    const auto begin = [&]() -> absl::Status {
-      THRONG_CUDA_TRY(cudaSetDevice(0), kCall);
-      THRONG_CUDA_TRY(cudaGetDeviceProperties(&properties, 0), kCall);
-      THRONG_CUDA_TRY(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking), kCall);
-      THRONG_CUDA_TRY(cudaEventCreateWithFlags(&ready, cudaEventDisableTiming), kCall);
-      THRONG_CUDA_TRY(render::cuda::probe_kernels(stream), kCall);
-      THRONG_CUDA_TRY(cudaStreamSynchronize(stream), kCall);
-      return absl::OkStatus();
-    };
-    const absl::Status status = begin();
-    auto rasterizer = std::unique_ptr<CudaRasterizer>(new CudaRasterizer(
-        stream, ready,
-        absl::StrCat(properties.name, ", compute ", properties.major, ".", properties.minor)));
-    if (!status.ok()) return absl::UnavailableError(status.message());
+    rasterizer->buffers_ = std::make_unique<Buffers>(rasterizer->stream_);
     return rasterizer;
   }
 
   ~CudaRasterizer() override {
-    if (ready_ != nullptr) cudaEventDestroy(ready_);
+    for (cudaEvent_t event : {ready_, began_, ended_}) {
+      if (event != nullptr) cudaEventDestroy(event);
+    }
     // memory is given back in the order of the stream, so the stream goes last
     buffers_.reset();
     if (stream_ != nullptr) {
@@ -153,11 +139,8 @@ class CudaRasterizer final : public Rasterizer {
     }
   };
 
-  CudaRasterizer(cudaStream_t stream, cudaEvent_t ready, std::string device_name)
-      : stream_(stream),
-        ready_(ready),
-        device_name_(std::move(device_name)),
-        buffers_(std::make_unique<Buffers>(stream)) {}
+  explicit CudaRasterizer(int device)
+      : device_(device), device_name_(render::cuda::device_name(device)) {}
 
   template <typename T>
   cudaError_t copy(const T* from, std::size_t count, DeviceBuffer<T>& to) {
@@ -173,8 +156,10 @@ class CudaRasterizer final : public Rasterizer {
   absl::Status make_room(RasterJob& job, std::uint32_t most_blocks);
   absl::Status run(const RasterJob& job, std::uint32_t most_blocks);
 
-  cudaStream_t stream_;
-  cudaEvent_t ready_;
+  int device_;
+  cudaStream_t stream_ = nullptr;
+  cudaEvent_t ready_ = nullptr;                    // what the backend made
+  cudaEvent_t began_ = nullptr, ended_ = nullptr;  // for the time
   std::string device_name_;
   std::shared_ptr<const Cast> cast_;
   std::unique_ptr<Buffers> buffers_;
@@ -186,6 +171,7 @@ absl::Status CudaRasterizer::upload(std::shared_ptr<const Cast> cast) {
   if (cast == nullptr || cast->members.empty()) {
     return absl::InvalidArgumentError(absl::StrCat(kUpload, ": the cast is empty"));
   }
+  THRONG_CUDA_TRY(cudaSetDevice(device_), kUpload);  // the current one is the thread's
   absl::StatusOr<TextureStore> textures = make_textures(*cast);
   if (!textures.ok()) return textures.status();
   const LevelTable levels = make_levels(*cast);
@@ -380,6 +366,7 @@ absl::Status CudaRasterizer::draw(const FrameGeometry& geometry, const Camera& c
                                   const Viewport& viewport, const glm::dvec3& origin_world,
                                   const Look& look, Picture& picture) {
   if (absl::Status status = check(geometry, viewport); !status.ok()) return status;
+  THRONG_CUDA_TRY(cudaSetDevice(device_), kDraw);
   RasterJob job;
   job.cast = device_cast_;
   job.scene = make_scene_frame(camera, viewport, origin_world, look);
@@ -396,8 +383,11 @@ absl::Status CudaRasterizer::draw(const FrameGeometry& geometry, const Camera& c
     return absl::ResourceExhaustedError(absl::StrCat(
         kDraw, ": up to ", most_blocks, " triangle blocks, at most ", element::kMaxBlocks));
   }
+  THRONG_CUDA_TRY(cudaEventRecord(began_, stream_), kDraw);
   if (absl::Status status = make_room(job, most_blocks); !status.ok()) return status;
   if (absl::Status status = run(job, most_blocks); !status.ok()) return status;
+
+  THRONG_CUDA_TRY(cudaEventRecord(ended_, stream_), kDraw);
 
   // the picture and the counts are all that is read back
   const std::size_t picture_bytes = std::size_t{4} * job.width_px * job.height_px;
@@ -419,6 +409,9 @@ absl::Status CudaRasterizer::draw(const FrameGeometry& geometry, const Camera& c
   picture.rgbx.resize(picture_bytes);
   std::memcpy(picture.rgbx.data(), read_back, picture_bytes);
   counters_ = {};
+  float device_ms = 0.0F;
+  THRONG_CUDA_TRY(cudaEventElapsedTime(&device_ms, began_, ended_), kDraw);
+  counters_.device_ms = static_cast<double>(device_ms);
   counters_.drawn = job.count;
   counters_.triangles = job.triangles_total;
   counters_.surviving = counts.surviving;

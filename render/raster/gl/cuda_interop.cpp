@@ -1,0 +1,132 @@
+#include "render/raster/gl/cuda_interop.hpp"
+
+#include <absl/strings/str_cat.h>
+// epoxy stands for GL/gl.h, which CUDA's header asks for
+#include <epoxy/gl.h>
+
+#include <cuda_gl_interop.h>
+#include <cuda_runtime_api.h>
+
+#include <algorithm>
+
+#include "render/compute/cuda/device.hpp"
+#include "render/compute/cuda/device_frame.hpp"
+#include "render/compute/cuda/memory.hpp"
+
+namespace throng::render::gl {
+namespace {
+
+constexpr char kCall[] = "gl draw: CUDA-GL";
+
+/// A buffer of OpenGL that CUDA writes. Only grows.
+class SharedBuffer {
+ public:
+  ~SharedBuffer() { release(); }
+
+  absl::Status reserve(std::size_t size_bytes) {
+    if (size_bytes <= size_bytes_) return absl::OkStatus();
+    release();
+    size_bytes += size_bytes / 2;
+    glCreateBuffers(1, &name_);
+    glNamedBufferStorage(name_, static_cast<GLsizeiptr>(size_bytes), nullptr, 0);
+    if (glGetError() != GL_NO_ERROR) {
+      release();
+      return absl::ResourceExhaustedError(
+          absl::StrCat(kCall, ": no buffer of ", size_bytes, " bytes"));
+    }
+    if (const cudaError_t error =
+            cudaGraphicsGLRegisterBuffer(&resource_, name_, cudaGraphicsRegisterFlagsWriteDiscard);
+        error != cudaSuccess) {
+      resource_ = nullptr;
+      release();
+      return cuda::to_status(error, "gl draw: cudaGraphicsGLRegisterBuffer");
+    }
+    size_bytes_ = size_bytes;
+    return absl::OkStatus();
+  }
+
+  /// While mapped.
+  cudaError_t copy(const void* from, std::size_t size_bytes, cudaStream_t stream) const {
+    void* to = nullptr;
+    std::size_t room_bytes = 0;
+    const cudaError_t error = cudaGraphicsResourceGetMappedPointer(&to, &room_bytes, resource_);
+    if (error != cudaSuccess) return error;
+    if (room_bytes < size_bytes) return cudaErrorInvalidValue;
+    return cudaMemcpyAsync(to, from, size_bytes, cudaMemcpyDeviceToDevice, stream);
+  }
+
+  GLuint name() const { return name_; }
+  cudaGraphicsResource_t resource() const { return resource_; }
+
+ private:
+  void release() {
+    if (resource_ != nullptr) cudaGraphicsUnregisterResource(resource_);
+    if (name_ != 0) glDeleteBuffers(1, &name_);
+    resource_ = nullptr;
+    name_ = 0;
+    size_bytes_ = 0;
+  }
+  GLuint name_ = 0;
+  cudaGraphicsResource_t resource_ = nullptr;
+  std::size_t size_bytes_ = 0;
+};
+
+class Interop final : public CudaInterop {
+ public:
+  explicit Interop(int device) : device_(device) {}
+
+  absl::Status stage(const FrameGeometry& geometry) override {
+    const auto* frame = dynamic_cast<const cuda::DeviceFrame*>(geometry.on_device);
+    if (frame == nullptr) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(kCall, ": the geometry is of another backend"));
+    }
+    if (geometry.indices.empty()) return absl::OkStatus();
+    THRONG_CUDA_TRY(cudaSetDevice(device_), kCall);
+    if (auto status = vertices_.reserve(geometry.vertices.size_bytes()); !status.ok()) {
+      return status;
+    }
+    if (auto status = indices_.reserve(geometry.indices.size_bytes()); !status.ok()) return status;
+    cudaGraphicsResource_t both[] = {vertices_.resource(), indices_.resource()};
+    THRONG_CUDA_TRY(cudaGraphicsMapResources(2, both, frame->stream), kCall);
+    cudaError_t error =
+        vertices_.copy(geometry.vertices.data(), geometry.vertices.size_bytes(), frame->stream);
+    if (error == cudaSuccess) {
+      error = indices_.copy(geometry.indices.data(), geometry.indices.size_bytes(), frame->stream);
+    }
+    // what OpenGL does next comes after the copies; whatever failed, it gets its buffers back
+    const cudaError_t unmapped = cudaGraphicsUnmapResources(2, both, frame->stream);
+    return cuda::to_status(error != cudaSuccess ? error : unmapped, kCall);
+  }
+  unsigned vertices() const override { return vertices_.name(); }
+  unsigned indices() const override { return indices_.name(); }
+
+ private:
+  int device_;
+  SharedBuffer vertices_, indices_;
+};
+
+}  // namespace
+
+absl::StatusOr<int> interop_device() { return cuda::open_device("CUDA-GL"); }
+
+absl::StatusOr<std::unique_ptr<CudaInterop>> make_cuda_interop(int device) {
+  constexpr unsigned kMost = 16;
+  unsigned count = 0;
+  int devices[kMost] = {};
+  if (const cudaError_t error = cudaGLGetDevices(&count, devices, kMost, cudaGLDeviceListAll);
+      error != cudaSuccess) {
+    cudaGetLastError();
+    return absl::UnavailableError(
+        absl::StrCat("CUDA-GL: cudaGLGetDevices: ", cudaGetErrorString(error),
+                     ": OpenGL draws on no CUDA device"));
+  }
+  if (std::find(devices, devices + std::min(count, kMost), device) ==
+      devices + std::min(count, kMost)) {
+    return absl::UnavailableError(
+        absl::StrCat("CUDA-GL: OpenGL does not draw on CUDA device ", device));
+  }
+  return std::make_unique<Interop>(device);
+}
+
+}  // namespace throng::render::gl
