@@ -335,7 +335,6 @@ std::array<Figure, 14> make_figures() {
     f.trouser_z = 0.20F;
     f.shoe = ShoeStyle::kSneaker;
     f.calm = 1.1F;
-    f.pace = 0.96F;
     f.color.skin = {0.46F, 0.31F, 0.23F};
     f.color.hair = {0.10F, 0.08F, 0.07F};
     f.color.lip = {0.48F, 0.25F, 0.24F};

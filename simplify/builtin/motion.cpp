@@ -533,10 +533,10 @@ class Animator {
         const float along = glm::dot(flat, glm::vec2{out.x, out.y});
         const float across = std::abs(flat.x * out.y - flat.y * out.x);
         // beside the ray the cloth is nearer to the axis, so it has to go further out
-        const float near = smooth_step(2.4F, 1.2F, across / ball.radius);
+        const float near = smooth_step(3.4F, 1.8F, across / ball.radius);
         if (near <= 0.0F) continue;
         const float bulge = ball.radius + 2.8F * across * across / size;
-        const float distance = (along + bulge + 0.018F) * near -
+        const float distance = (along + bulge + 0.024F) * near -
                                glm::dot(glm::vec2{pivot.x, pivot.y}, glm::vec2{out.x, out.y});
         tilt = std::max(tilt, std::atan2(distance, h) - rest);
       }
