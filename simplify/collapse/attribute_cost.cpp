@@ -15,7 +15,6 @@ constexpr float kTornColor = 0.50F;   // of the size: black becomes white
 constexpr float kBaredColor = 0.15F;  // of the size: a white eye goes from a black face
 constexpr float kNormal = 0.004F;     // of the size: normals at right angles
 constexpr float kJoint = 0.01F;  // of the size: moved by quite different joints; poses tell most
-constexpr std::uint32_t kColorSize_px = 128;
 
 float cross(const glm::vec2& a, const glm::vec2& b) { return a.x * b.y - a.y * b.x; }
 
@@ -35,36 +34,19 @@ AttributeCost::AttributeCost(const WedgeMesh& mesh, float size_m)
   }
   if (area_uv > 1.0e-6) metres_per_uv_ = static_cast<float>(std::sqrt(area_m2 / area_uv));
 
-  const MipChain& image = surface.base_color;
-  std::uint32_t width_px = image.width_px, height_px = image.height_px;
-  std::size_t offset = 0;
-  for (std::uint32_t level = 0; level < image.level_count; ++level) {
-    const std::size_t size = std::size_t{4} * width_px * height_px;
-    if (std::max(width_px, height_px) <= kColorSize_px || level + 1 == image.level_count) {
-      color_ = std::span(image.texels).subspan(offset, size);
-      color_width_px_ = width_px;
-      color_height_px_ = height_px;
-      break;
-    }
-    offset += size;
-    width_px = std::max(1U, width_px / 2);
-    height_px = std::max(1U, height_px / 2);
-  }
+  std::vector<TextureLevel> levels = small_levels(surface);
+  if (!levels.empty()) color_ = std::move(levels.front());
 }
 
 glm::vec3 AttributeCost::color_at(const glm::vec2& uv) const {
-  const auto texel = [](float value, std::uint32_t size) {
-    return static_cast<std::size_t>(
-        std::clamp(value * static_cast<float>(size), 0.0F, static_cast<float>(size) - 1.0F));
-  };
-  const std::uint8_t* at =
-      &color_[4 * (texel(uv.y, color_height_px_) * color_width_px_ + texel(uv.x, color_width_px_))];
+  if (color_.texels.empty()) return glm::vec3(0.5F);
+  const std::uint8_t* at = color_.at(uv);
   return glm::vec3(at[0], at[1], at[2]) / 255.0F;
 }
 
 float AttributeCost::color_difference(const std::array<glm::vec2, 3>& before,
                                       const std::array<glm::vec2, 3>& after) const {
-  if (color_.empty()) return 0.0F;
+  if (color_.texels.empty()) return 0.0F;
   // the centre and a place near each corner
   static constexpr float kShares[4][3] = {
       {1.0F / 3, 1.0F / 3, 1.0F / 3}, {0.8F, 0.1F, 0.1F}, {0.1F, 0.8F, 0.1F}, {0.1F, 0.1F, 0.8F}};

@@ -5,6 +5,7 @@
 #include <glm/glm.hpp>
 #include <span>
 
+#include "simplify/collapse/texture.hpp"
 #include "simplify/collapse/wedges.hpp"
 
 namespace throng::simplify {
@@ -31,16 +32,17 @@ class AttributeCost {
   /// Squared metres: how differently the joints move two points.
   float joint_cost(std::uint32_t a, std::uint32_t b) const;
 
- private:
+  /// sRGB from 0 to 1, of a small mip level; grey where there is no texture.
   glm::vec3 color_at(const glm::vec2& uv) const;
+
+ private:
   float color_difference(const std::array<glm::vec2, 3>& before,
                          const std::array<glm::vec2, 3>& after) const;
 
   const WedgeMesh& mesh_;
   float size_m_;
   float metres_per_uv_;  // of the whole surface
-  std::uint32_t color_width_px_ = 0, color_height_px_ = 0;
-  std::span<const std::uint8_t> color_;  // a small mip level
+  TextureLevel color_;
 };
 
 }  // namespace throng::simplify

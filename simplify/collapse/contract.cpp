@@ -18,6 +18,12 @@ constexpr std::size_t kNearCount = 3;
 // A piece of so many points may vanish as a whole.
 constexpr std::size_t kSmallPiece = 16;
 constexpr int kMostTries = 24;  // pictures looked at for one step
+// Limbs count beyond their pixels where so few vertices are left that they would go.
+constexpr float kThinFrom = 192.0F, kThinTo = 64.0F;
+// Where the colours of a triangle are compared.
+constexpr glm::vec3 kColorPlaces[] = {
+    {0.34F, 0.33F, 0.33F}, {0.6F, 0.2F, 0.2F},   {0.2F, 0.6F, 0.2F},  {0.2F, 0.2F, 0.6F},
+    {0.45F, 0.45F, 0.1F},  {0.1F, 0.45F, 0.45F}, {0.45F, 0.1F, 0.45F}};
 constexpr float kUnknown = -1.0e30F;
 
 struct Pair {
@@ -26,8 +32,20 @@ struct Pair {
   float seen = kUnknown;  // change of the pictures, as far as known
   float won = 1.0F;       // share of the cost, for the wedges that go
   bool is_possible = false;
+  bool by_color = false;  // its wedges go where colours fit best
 
   float key() const { return ((seen == kUnknown ? 0.0F : seen) + geometry) * won; }
+};
+
+/// The part of the full surface that a point stands for.
+struct Patch {
+  glm::vec3 color{0.0F};  // times the area
+  float area_m2 = 0.0F;
+
+  Patch operator+(const Patch& other) const {
+    return {color + other.color, area_m2 + other.area_m2};
+  }
+  glm::vec3 mean() const { return area_m2 > 0.0F ? color / area_m2 : glm::vec3(0.5F); }
 };
 
 class Contraction {
@@ -42,10 +60,12 @@ class Contraction {
         mesh_(mesh),
         around_(mesh.surface().points.size()),
         piece_(mesh.surface().points.size(), kNoIndex),
+        patch_(mesh.surface().points.size()),
         is_dirty_(mesh.surface().points.size(), true) {}
 
   void run(std::uint32_t coarsest_count, const std::function<void(float)>& on_progress) {
     look();
+    find_patches();
     find_pairs();
     const auto first = static_cast<float>(mesh_.alive_wedges() - coarsest_count);
     for (int steps = 1; mesh_.alive_wedges() > coarsest_count && step(); ++steps) {
@@ -74,7 +94,8 @@ class Contraction {
       }
     }
     is_removed_.assign(triangle_.size(), false);
-    views_.set(drawn_);
+    const auto alive = static_cast<float>(mesh_.alive_wedges());
+    views_.set(drawn_, std::clamp((kThinFrom - alive) / (kThinFrom - kThinTo), 0.0F, 1.0F));
     find_pieces();
   }
 
@@ -150,6 +171,84 @@ class Contraction {
     return list;
   }
 
+  /// Fills `moves_`. By colour, a wedge may leave its chart for any wedge of b.
+  /// @return false where colours would change nothing
+  bool find_moves(std::uint32_t a, std::uint32_t b, std::span<const std::uint32_t> around,
+                  bool by_color) {
+    mesh_.find_moves(a, b, around, moves_);
+    if (!by_color) return true;
+    bool is_changed = false;
+    const Patch both = patch_[a] + patch_[b];
+    for (WedgeMove& move : moves_) {
+      float least = cost_of_color(a, b, around, move.from, move.to, both);
+      for (const std::uint32_t other : mesh_.point_wedges(b)) {
+        if (other == move.to) continue;
+        const float cost = cost_of_color(a, b, around, move.from, other, both);
+        if (cost >= least) continue;
+        least = cost;
+        move.to = other;
+        move.is_exact = false;
+        is_changed = true;
+      }
+    }
+    return is_changed;
+  }
+
+  /// How much the colours of the triangles whose wedge `from` of point a becomes `to` of point b
+  /// would differ from those that their corners stand for: areas times squared differences.
+  float cost_of_color(std::uint32_t a, std::uint32_t b, std::span<const std::uint32_t> around,
+                      std::uint32_t from, std::uint32_t to, const Patch& both) const {
+    const Surface& surface = mesh_.surface();
+    float cost = 0.0F;
+    for (const std::uint32_t triangle : around) {
+      if (mesh_.has(triangle, b)) continue;
+      glm::uvec3 points = mesh_.points(triangle), wedges = mesh_.wedges(triangle);
+      const int corner = points.x == a ? 0 : points.y == a ? 1 : 2;
+      if (wedges[corner] != from) continue;
+      points[corner] = b;
+      wedges[corner] = to;
+      glm::vec3 wanted[3], place[3];
+      glm::vec2 uv[3];
+      for (int i = 0; i < 3; ++i) {
+        wanted[i] = (i == corner ? both : patch_[points[i]]).mean();
+        place[i] = surface.points[points[i]].position;
+        uv[i] = surface.wedge_uv[wedges[i]];
+      }
+      const float area_m2 =
+          0.5F * glm::length(glm::cross(place[1] - place[0], place[2] - place[0]));
+      for (const glm::vec3& share : kColorPlaces) {
+        const glm::vec3 off =
+            attributes_.color_at(share.x * uv[0] + share.y * uv[1] + share.z * uv[2]) -
+            (share.x * wanted[0] + share.y * wanted[1] + share.z * wanted[2]);
+        cost += area_m2 * glm::dot(off, off);
+      }
+    }
+    return cost;
+  }
+
+  /// What each point stands for, after all that went before.
+  void find_patches() {
+    const Surface& surface = mesh_.surface();
+    std::vector<std::uint32_t> target(surface.wedge_count());
+    std::iota(target.begin(), target.end(), 0U);
+    for (auto removal = mesh_.removals().rbegin(); removal != mesh_.removals().rend(); ++removal)
+      target[removal->wedge] = target[removal->target];  // which went later, or never
+    for (const glm::uvec3& wedges : surface.triangles) {
+      const auto place = [&](int i) {
+        return surface.points[surface.wedge_point[wedges[i]]].position;
+      };
+      const auto uv = [&](int i) { return surface.wedge_uv[wedges[i]]; };
+      const float area_m2 =
+          0.5F * glm::length(glm::cross(place(1) - place(0), place(2) - place(0)));
+      for (int i = 0; i < 3; ++i) {
+        const glm::vec3 color =
+            attributes_.color_at(0.6F * uv(i) + 0.2F * uv((i + 1) % 3) + 0.2F * uv((i + 2) % 3));
+        Patch& patch = patch_[surface.wedge_point[target[wedges[i]]]];
+        patch = patch + Patch{area_m2 * color, area_m2};
+      }
+    }
+  }
+
   void judge(Pair& pair) {
     pair.seen = kUnknown;
     // something of it must stay
@@ -182,9 +281,19 @@ class Contraction {
     pair.won = 1.0F / static_cast<float>(std::max(1U, mesh_.alive_wedges(pair.a)));
   }
 
-  /// Change of the pictures by a contraction.
-  float look_at(const Pair& pair, float limit) {
-    mesh_.find_moves(pair.a, pair.b, triangles_of(pair.a), moves_);
+  /// Change of the pictures by a contraction, in the charts or by colour, whichever is less.
+  float look_at(Pair& pair, float limit) {
+    const std::vector<std::uint32_t> around = triangles_of(pair.a);
+    find_moves(pair.a, pair.b, around, false);
+    pair.by_color = false;
+    const float in_charts = try_moves(pair, limit);
+    if (!find_moves(pair.a, pair.b, around, true)) return in_charts;
+    const float by_color = try_moves(pair, std::min(limit, in_charts));
+    pair.by_color = by_color < in_charts;
+    return std::min(by_color, in_charts);
+  }
+
+  float try_moves(const Pair& pair, float limit) {
     const std::vector<std::uint32_t>& changed = around_[pair.a];
     saved_.clear();
     for (const std::uint32_t index : changed) {
@@ -267,13 +376,13 @@ class Contraction {
       return true;
     }
     if (best == nullptr) return false;
-    merge(best->a, best->b);
+    merge(best->a, best->b, best->by_color);
     return true;
   }
 
-  void merge(std::uint32_t a, std::uint32_t b) {
+  void merge(std::uint32_t a, std::uint32_t b, bool by_color) {
     const std::vector<std::uint32_t> around = triangles_of(a);
-    mesh_.find_moves(a, b, around, moves_);
+    find_moves(a, b, around, by_color);
     const PoseCost::Cost cost = poses_.move_cost(a, b);
     if (poses_.area_m2(a) > 0.0F)
       error_m_ = std::max(error_m_, std::sqrt(cost.largest / poses_.area_m2(a)));
@@ -284,6 +393,7 @@ class Contraction {
     }
     mesh_.collapse(a, b, around, moves_, error_m_);
     poses_.merge(a, b);
+    patch_[b] = patch_[a] + patch_[b];
     for (Pair& pair : pairs_) {
       if (pair.a == a) pair.a = b;
       if (pair.b == a) pair.b = b;
@@ -325,6 +435,7 @@ class Contraction {
   std::vector<std::vector<std::uint32_t>> around_;  // [P] into `triangle_`
   std::vector<std::uint32_t> piece_;                // [P]
   std::vector<std::vector<std::uint32_t>> pieces_;  // points
+  std::vector<Patch> patch_;                        // [P]
   std::vector<Pair> pairs_;
   std::vector<bool> is_dirty_;  // [P]
   std::vector<std::pair<float, std::size_t>> order_;

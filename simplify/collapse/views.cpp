@@ -12,10 +12,12 @@ constexpr int kSize_px = 88;         // of a picture
 constexpr float kFigure_px = 64.0F;  // the longest side of the figure
 constexpr int kDirections = 4;       // for each pose
 constexpr std::uint32_t kMostPoses = 6;
-constexpr std::uint32_t kColorSize_px = 128;
 constexpr int kVisibilityScale = 4;  // pictures that count what is visible are larger
 // What an outline that moved counts on top of its colours, as a squared difference.
 constexpr float kCoverage = 0.4F;
+// Pixels of thin parts count more, at most so many times: a lost leg is few pixels, but is missed.
+constexpr float kThin = 2.0F;
+constexpr int kThinRadius_px = 5;
 constexpr std::uint32_t kBackground = 0x00808080U;
 
 std::uint32_t pack(const glm::vec3& color) {
@@ -32,6 +34,34 @@ float difference(std::uint32_t a, std::uint32_t b) {
   }
   return static_cast<float>(sum) / (3.0F * 255.0F * 255.0F) +
          ((a ^ b) >> 24U != 0U ? kCoverage : 0.0F);
+}
+
+/// One over the share of the figure in the square around each pixel of it; 1 outside.
+std::vector<float> thinness(const std::vector<std::uint32_t>& image) {
+  std::vector<int> sum(std::size_t{kSize_px + 1} * (kSize_px + 1), 0);  // up to a row and column
+  const auto at = [](int x, int y) { return static_cast<std::size_t>(y) * (kSize_px + 1) + x; };
+  for (int y = 0; y < kSize_px; ++y) {
+    for (int x = 0; x < kSize_px; ++x) {
+      sum[at(x + 1, y + 1)] =
+          sum[at(x, y + 1)] + sum[at(x + 1, y)] - sum[at(x, y)] +
+          (image[static_cast<std::size_t>(y) * kSize_px + x] >> 31U != 0U ? 1 : 0);
+    }
+  }
+  constexpr int kSide = 2 * kThinRadius_px + 1;
+  std::vector<float> weight(image.size(), 1.0F);
+  for (int y = 0; y < kSize_px; ++y) {
+    const int y0 = std::max(0, y - kThinRadius_px), y1 = std::min(kSize_px, y + kThinRadius_px + 1);
+    for (int x = 0; x < kSize_px; ++x) {
+      const std::size_t pixel = static_cast<std::size_t>(y) * kSize_px + x;
+      if (image[pixel] >> 31U == 0U) continue;
+      const int x0 = std::max(0, x - kThinRadius_px),
+                x1 = std::min(kSize_px, x + kThinRadius_px + 1);
+      const int covered = sum[at(x1, y1)] - sum[at(x0, y1)] - sum[at(x1, y0)] + sum[at(x0, y0)];
+      weight[pixel] = std::min(
+          kThin, static_cast<float>(kSide * kSide) / static_cast<float>(std::max(1, covered)));
+    }
+  }
+  return weight;
 }
 
 /// Calls `visit(x, y, w0, w1)` for the pixels whose centres are in the triangle.
@@ -63,23 +93,10 @@ float doubled_area(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
 }  // namespace
 
 Views::Views(const PoseSet& poses, const WedgeMesh& mesh, float size_m)
-    : surface_(mesh.surface()), pixel_m_(size_m / kFigure_px), near_(kSize_px * kSize_px) {
-  const MipChain& image = surface_.base_color;
-  std::uint32_t width_px = image.width_px, height_px = image.height_px;
-  std::size_t offset = 0;
-  for (std::uint32_t level = 0; level < image.level_count; ++level) {
-    const std::size_t size = std::size_t{4} * width_px * height_px;
-    if (std::max(width_px, height_px) <= kColorSize_px || level + 1 == image.level_count) {
-      color_ = std::span(image.texels).subspan(offset, size);
-      color_width_px_ = width_px;
-      color_height_px_ = height_px;
-      break;
-    }
-    offset += size;
-    width_px = std::max(1U, width_px / 2);
-    height_px = std::max(1U, height_px / 2);
-  }
-
+    : surface_(mesh.surface()),
+      pixel_m_(size_m / kFigure_px),
+      levels_(small_levels(mesh.surface())),
+      near_(kSize_px * kSize_px) {
   const std::size_t points = surface_.points.size();
   const auto triangles = static_cast<std::uint32_t>(surface_.triangles.size());
   for (std::uint32_t t = 0; t < triangles; ++t) {
@@ -125,6 +142,8 @@ Views::Views(const PoseSet& poses, const WedgeMesh& mesh, float size_m)
       }
       picture.reference.assign(std::size_t{kSize_px} * kSize_px, kBackground);
       draw(picture, drawn_, nullptr, {0, 0, kSize_px, kSize_px}, picture.reference, {});
+      picture.thin = thinness(picture.reference);
+      picture.weight.assign(picture.thin.size(), 1.0F);
       picture.now = picture.reference;
       picture.error.assign(picture.now.size(), 0.0F);
       pictures_.push_back(std::move(picture));
@@ -149,10 +168,6 @@ void Views::draw(const Picture& picture, std::span<const Drawn> triangles,
     std::fill_n(near_.begin() + y * kSize_px + rect.x0, rect.x1 - rect.x0, -1.0e30F);
     std::fill_n(image.begin() + y * kSize_px + rect.x0, rect.x1 - rect.x0, kBackground);
   }
-  const auto texel = [](float value, std::uint32_t size) {
-    return static_cast<std::uint32_t>(
-        std::clamp(value * static_cast<float>(size), 0.0F, static_cast<float>(size) - 1.0F));
-  };
   for (std::size_t t = 0; t < triangles.size(); ++t) {
     if (removed != nullptr && (*removed)[t]) continue;
     if (!boxes.empty()) {
@@ -170,17 +185,23 @@ void Views::draw(const Picture& picture, std::span<const Drawn> triangles,
                     &uc = surface_.wedge_uv[drawn.wedge.z];
     const float sa = picture.shade[drawn.wedge.x], sb = picture.shade[drawn.wedge.y],
                 sc = picture.shade[drawn.wedge.z];
+    // as the renderer does: what is stretched over much of the texture shows the mean of it
+    std::size_t level = 0;
+    if (!levels_.empty()) {
+      const glm::vec2 u = ub - ua, v = uc - ua;
+      float texels = std::fabs(u.x * v.y - u.y * v.x) *
+                     static_cast<float>(levels_[0].width_px * levels_[0].height_px);
+      for (; texels > 2.0F * std::fabs(area) && level + 1 < levels_.size(); ++level)
+        texels *= 0.25F;
+    }
     for_pixels(a, b, c, rect.x0, rect.y0, rect.x1, rect.y1, [&](int x, int y, float w0, float w1) {
       const float w2 = 1.0F - w0 - w1;
       const float nearness = w0 * a.z + w1 * b.z + w2 * c.z;
       const std::size_t pixel = static_cast<std::size_t>(y) * kSize_px + x;
       if (nearness <= near_[pixel]) return;
       glm::vec3 color(0.8F);
-      if (!color_.empty()) {
-        const glm::vec2 uv = w0 * ua + w1 * ub + w2 * uc;
-        const std::uint8_t* at =
-            &color_[4 * (std::size_t{texel(uv.y, color_height_px_)} * color_width_px_ +
-                         texel(uv.x, color_width_px_))];
+      if (!levels_.empty()) {
+        const std::uint8_t* at = levels_[level].at(w0 * ua + w1 * ub + w2 * uc);
         if (at[3] < 128 && (drawn.flags & render::kTriangleAlphaCutout) != 0) return;
         color = glm::vec3(at[0], at[1], at[2]) / 255.0F;
       }
@@ -233,14 +254,16 @@ std::vector<float> Views::visibility(const WedgeMesh& mesh) const {
   return share;
 }
 
-void Views::set(std::span<const Drawn> triangles) {
+void Views::set(std::span<const Drawn> triangles, float thin_share) {
   drawn_.assign(triangles.begin(), triangles.end());
   for (Picture& picture : pictures_) {
     draw(picture, drawn_, nullptr, {0, 0, kSize_px, kSize_px}, picture.now, {});
     picture.boxes.clear();
     for (const Drawn& each : drawn_) picture.boxes.push_back(box(picture, each.point));
-    for (std::size_t i = 0; i < picture.now.size(); ++i)
-      picture.error[i] = difference(picture.now[i], picture.reference[i]);
+    for (std::size_t i = 0; i < picture.now.size(); ++i) {
+      picture.weight[i] = 1.0F + thin_share * (picture.thin[i] - 1.0F);
+      picture.error[i] = picture.weight[i] * difference(picture.now[i], picture.reference[i]);
+    }
   }
 }
 
@@ -266,7 +289,8 @@ float Views::change(std::span<const Drawn> triangles, std::span<const std::uint3
       for (int x = rect.x0; x < rect.x1; ++x) {
         const std::size_t pixel = static_cast<std::size_t>(y) * kSize_px + x;
         if (image_[pixel] == picture.now[pixel]) continue;
-        error += difference(image_[pixel], picture.reference[pixel]) - picture.error[pixel];
+        error += picture.weight[pixel] * difference(image_[pixel], picture.reference[pixel]) -
+                 picture.error[pixel];
       }
     }
     sum += error * scale;

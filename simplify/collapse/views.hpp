@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "simplify/collapse/collapse.hpp"
+#include "simplify/collapse/texture.hpp"
 #include "simplify/collapse/wedges.hpp"
 
 namespace throng::simplify {
@@ -30,7 +31,8 @@ class Views {
   std::vector<float> visibility(const WedgeMesh& mesh) const;
 
   /// Takes these triangles for what is drawn now.
-  void set(std::span<const Drawn> triangles);
+  /// @param thin_share  0 to 1: how much the thin parts of the figure count beyond their pixels
+  void set(std::span<const Drawn> triangles, float thin_share);
 
   /// By how much the mean error over the pictures would grow, in m^2 on the picture plane (an area
   /// that differs by all there is in colour), if `triangles`, which differ from the ones that were
@@ -48,6 +50,8 @@ class Views {
     std::vector<glm::vec3> place;               // [P] pixels right and down, and nearness
     std::vector<float> shade;                   // [C]
     std::vector<std::uint32_t> reference, now;  // r g b a of what is seen
+    std::vector<float> thin;                    // how much more pixels of thin parts count
+    std::vector<float> weight;                  // of each pixel
     std::vector<float> error;                   // of `now`
     std::vector<Rect> boxes;                    // [drawn_]
   };
@@ -59,8 +63,7 @@ class Views {
 
   const Surface& surface_;
   float pixel_m_ = 1.0F;
-  std::uint32_t color_width_px_ = 0, color_height_px_ = 0;
-  std::span<const std::uint8_t> color_;  // a small mip level
+  std::vector<TextureLevel> levels_;
   std::vector<Picture> pictures_;
   std::vector<Drawn> drawn_;                  // as set
   mutable std::vector<float> near_;           // depth buffer

@@ -57,6 +57,9 @@ class WedgeMesh {
   std::uint32_t alive_wedges(std::uint32_t point) const {
     return static_cast<std::uint32_t>(point_wedges_[point].size());
   }
+  std::span<const std::uint32_t> point_wedges(std::uint32_t point) const {
+    return point_wedges_[point];
+  }
   std::uint32_t initial_wedges(std::uint32_t point) const { return initial_wedges_[point]; }
   const std::vector<Step>& steps() const { return steps_; }
   const std::vector<Removal>& removals() const { return removals_; }
