@@ -1,9 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
-#include <array>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -12,6 +10,7 @@
 
 #include "simplify/import/made_up.hpp"
 #include "support/data_dir.hpp"
+#include "support/run_program.hpp"
 #include "support/tiny_character.hpp"
 
 namespace throng::simplify {
@@ -19,22 +18,11 @@ namespace {
 
 using ::testing::HasSubstr;
 
-struct ProgramRun {
-  int code;
-  std::string output;  // both streams
-};
+using throng::test::ProgramRun;
 
 ProgramRun throng_bake(const std::string& arguments) {
-  const std::string command =
-      std::string(THRONG_BINARY_DIR) + "/bin/throng-bake " + arguments + " 2>&1";
-  FILE* pipe = ::popen(command.c_str(), "r");
-  ProgramRun run{-1, ""};
-  std::array<char, 4096> buffer;
-  for (std::size_t size; (size = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0;)
-    run.output.append(buffer.data(), size);
-  const int status = ::pclose(pipe);
-  run.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  return run;
+  return throng::test::run_program(std::string(THRONG_BINARY_DIR) + "/bin/throng-bake " +
+                                   arguments);
 }
 
 class ProgramTest : public ::testing::Test {

@@ -119,11 +119,11 @@ TEST(RivalsTest, MissingPythonOrPackageIsTold) {
 }
 
 TEST(RivalsTest, AttributeAwareSimplificationKeepsToTheVertices) {
-  if (const auto version = attribute_meshoptimizer_version("python3"); !version.ok())
+  if (const auto version = attribute_meshoptimizer_version(THRONG_PYTHON); !version.ok())
     GTEST_SKIP() << version.status().message();
   const render::Character character = tiny();
   const auto levels =
-      simplify_with_attributes(character, std::vector<std::uint32_t>{40, 20}, "python3");
+      simplify_with_attributes(character, std::vector<std::uint32_t>{40, 20}, THRONG_PYTHON);
   ASSERT_TRUE(levels.ok()) << levels.status();
   ASSERT_EQ(levels->size(), 2U);
   EXPECT_LE((*levels)[0].triangles.size(), 40U);

@@ -2,15 +2,14 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
-#include <array>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <sstream>
 
+#include "support/run_program.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/tiny_character.hpp"
 #include "throng/render/encode.hpp"
@@ -20,20 +19,10 @@ namespace {
 
 using ::testing::HasSubstr;
 
-struct ProgramRun {
-  int code;
-  std::string output;  // both streams
-};
+using throng::test::ProgramRun;
 
 ProgramRun throng_bake(const std::string& arguments) {
-  FILE* pipe = ::popen((std::string(THRONG_BAKE) + " " + arguments + " 2>&1").c_str(), "r");
-  ProgramRun run{-1, ""};
-  std::array<char, 4096> buffer;
-  for (std::size_t size; (size = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0;)
-    run.output.append(buffer.data(), size);
-  const int status = ::pclose(pipe);
-  run.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  return run;
+  return throng::test::run_program(std::string(THRONG_BAKE) + " " + arguments);
 }
 
 std::string read(const std::string& path) {
