@@ -2,6 +2,7 @@
 
 #include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 #include <absl/strings/str_replace.h>
 #include <unistd.h>
 
@@ -343,13 +344,16 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
   view.look = job.look;
   if (!job.channel.empty()) {
     const auto found = std::find(info.channel_names.begin(), info.channel_names.end(), job.channel);
-    if (found == info.channel_names.end()) {
-      std::string known;
-      for (const std::string& name : info.channel_names) absl::StrAppend(&known, " ", name);
-      return failure(ExitCode::kUsage, absl::StrCat("--channel: '", job.channel, "' is not one of",
-                                                    known.empty() ? " none" : known));
+    if (found != info.channel_names.end()) {
+      view.channel = static_cast<int>(found - info.channel_names.begin());
+    } else if (job.channel == render::kSpeedChannelName) {
+      view.channel = render::kSpeedChannel;
+    } else {
+      std::vector<std::string> known = info.channel_names;
+      known.push_back("speed (derived from the motion)");
+      return failure(ExitCode::kUsage, absl::StrCat("--channel: '", job.channel, "' is none of ",
+                                                    absl::StrJoin(known, ", ")));
     }
-    view.channel = static_cast<int>(found - info.channel_names.begin());
     view.look.color_by_channel = true;
     view.look.channel_low = static_cast<float>(job.channel_low);
     view.look.channel_high = static_cast<float>(job.channel_high);

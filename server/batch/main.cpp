@@ -143,7 +143,8 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0.1, 36000.0));
   app.add_option("--seed", job.seed, "With an agent's id, decides character, colours and size")
       ->capture_default_str();
-  app.add_option("--channel", job.channel, "Colour the agents by this column of the file")
+  app.add_option("--channel", job.channel,
+                 "Colour the agents by this column of the file; speed is there always")
       ->type_name("NAME");
   app.add_option("--channel-range", channel_range,
                  "Values at the ends of the colour scale (default 0:1)")

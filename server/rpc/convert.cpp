@@ -234,7 +234,7 @@ absl::Status apply_options(const v1::ViewOptions& options, const Registry& regis
       return absl::InvalidArgumentError(
           absl::StrCat("options.channel: crowd '", next.crowd->name(), "' has no channel '",
                        options.channel().substr(0, 64), "'; it has ",
-                       names.empty() ? "none" : absl::StrJoin(names, ", ")));
+                       names.empty() ? "only speed" : absl::StrJoin(names, ", ")));
     }
     next.channel = options.channel();
   }

@@ -2,6 +2,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 #include <utility>
@@ -107,6 +108,10 @@ CrowdReport NamedCrowd::report() const {
   report.producer = start_.producer;
   report.walkable_area_wkt = walkable_area_wkt_;
   report.channels = start_.channels;
+  if (std::none_of(report.channels.begin(), report.channels.end(),
+                   [](const ChannelInfo& one) { return one.name == render::kSpeedChannelName; })) {
+    report.channels.push_back({render::kSpeedChannelName, "m/s"});
+  }
   report.live = owner_ != 0;
   report.incomplete_frames = incomplete_frames_;
   const render::CrowdCounters counters = crowd_->counters();
@@ -129,7 +134,7 @@ int NamedCrowd::channel_index(const std::string& channel) const {
   for (std::size_t i = 0; i < start_.channels.size(); ++i) {
     if (start_.channels[i].name == channel) return static_cast<int>(i);
   }
-  return -1;
+  return channel == render::kSpeedChannelName ? render::kSpeedChannel : -1;
 }
 
 std::vector<ChannelInfo> NamedCrowd::channels() const {

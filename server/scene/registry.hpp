@@ -77,7 +77,8 @@ class NamedCrowd {
   const std::string& name() const { return name_; }
   Moment moment(Clock::time_point now);
   CrowdReport report() const;
-  /// Index of the channel in the current run, -1 if it has none of that name.
+  /// Index of the channel in the current run, -1 if it has none of that name. "speed" is there
+  /// even if the producer sends none.
   int channel_index(const std::string& channel) const;
   std::vector<ChannelInfo> channels() const;
   /// True once the crowd was deleted from its registry: its viewers must go.

@@ -165,14 +165,11 @@ AgentList list_agents(const AgentsAt& agents, const render::Camera& camera,
                      [](const Seen& a, const Seen& b) { return a.nearness > b.nearness; });
     seen.resize(most);
   }
-  const bool has_values = channel >= 0 && shown_from != nullptr &&
-                          static_cast<std::size_t>(channel) < shown_from->channels.size();
+  const std::vector<float>* values = shown_from != nullptr ? shown_from->channel(channel) : nullptr;
   for (const Seen& one : seen) {
     list.ids.push_back(shown_from->roster->id[one.slot]);
     list.position_m.push_back(one.position_m);
-    if (has_values) {
-      list.values.push_back(shown_from->channels[static_cast<std::size_t>(channel)][one.slot]);
-    }
+    if (values != nullptr) list.values.push_back((*values)[one.slot]);
   }
   return list;
 }

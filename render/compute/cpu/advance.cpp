@@ -13,8 +13,8 @@ element::SnapshotColumns columns_of(const Snapshot& snapshot, int channel) {
   columns.heading_rad = snapshot.heading_rad.data();
   columns.speed_mps = snapshot.speed_mps.data();
   columns.walked_cycles = snapshot.walked_cycles.data();
-  if (channel >= 0 && static_cast<std::size_t>(channel) < snapshot.channels.size()) {
-    columns.channel = snapshot.channels[static_cast<std::size_t>(channel)].data();
+  if (const std::vector<float>* values = snapshot.channel(channel)) {
+    columns.channel = values->data();
   }
   if (snapshot.roster != nullptr) {  // none: nobody ever came
     columns.id = snapshot.roster->id.data();

@@ -236,7 +236,9 @@ class CudaBackend final : public ComputeBackend {
     THRONG_CUDA_TRY(instances->state.resize(instances->count), "advance");
     const auto with_channel = [&](const CudaSnapshot& snapshot) {
       element::SnapshotColumns columns = snapshot.columns;
-      if (channel >= 0 && static_cast<std::size_t>(channel) < snapshot.channels.size()) {
+      if (channel == kSpeedChannel) {
+        columns.channel = columns.speed_mps;
+      } else if (channel >= 0 && static_cast<std::size_t>(channel) < snapshot.channels.size()) {
         columns.channel = snapshot.channels[static_cast<std::size_t>(channel)];
       }
       return columns;

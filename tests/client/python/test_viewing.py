@@ -91,7 +91,7 @@ def test_an_address_becomes_the_servers_page():
 @pytest.mark.parametrize("source, settings, words", [
     ("nowhere.sqlite", {}, "nowhere.sqlite"),
     ((TIMES, POSITIONS), {"camera": "sideways"}, "sideways"),
-    ((TIMES, POSITIONS), {"channel": "speed"}, "'speed' is not one of"),
+    ((TIMES, POSITIONS), {"channel": "heat"}, "'heat' is none of speed"),
     ((TIMES, POSITIONS), {"frames": "99"}, "--frames"),
     ((TIMES, POSITIONS), {"options": ["--no-such-flag"]}, "--no-such-flag"),
     ((TIMES, POSITIONS), {"environment": "POLYGON ((0 0"}, "environment.wkt"),

@@ -81,6 +81,19 @@ TEST_F(RegistryTest, RefusesChannelsThatAreTooManyOrTwice) {
   EXPECT_TRUE(registry.list().empty());
 }
 
+TEST_F(RegistryTest, EveryCrowdHasSpeedAsAChannel) {
+  const auto plain = open(start_of("a", "r"));
+  EXPECT_EQ((*registry.find("a"))->channel_index("speed"), render::kSpeedChannel);
+  EXPECT_EQ((*registry.find("a"))->channel_index("heat"), -1);
+  ASSERT_EQ(registry.list().front().channels.size(), 1U);
+  EXPECT_EQ(registry.list().front().channels.front().unit, "m/s");
+  StartRequest own = start_of("b", "r");
+  own.channels = {{"speed", "km/h"}};
+  const auto told = open(std::move(own));
+  EXPECT_EQ((*registry.find("b"))->channel_index("speed"), 0);
+  EXPECT_EQ(registry.list().back().channels.size(), 1U);
+}
+
 TEST_F(RegistryTest, RefusesTextThatWouldForgeLinesInALog) {
   StartRequest request = start_of("a", "r");
   request.producer = "sim\nevent=stopped";

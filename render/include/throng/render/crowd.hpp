@@ -54,10 +54,21 @@ struct Roster {
   std::vector<std::uint32_t> seed;       // hash of id and crowd seed: tints, phases, thresholds
 };
 
+/// Index of the channel that every crowd has: how fast an agent walks, m/s.
+inline constexpr int kSpeedChannel = 1'000'000;
+inline constexpr char kSpeedChannelName[] = "speed";
+
 /// The crowd at one moment. Immutable; columns are by slot [I]. What is derived from motion
 /// (heading, speed, walked cycles) is computed once, here, so a pose is a function of (snapshots,
 /// time, id).
 struct Snapshot {
+  /// Column of a channel [I], kSpeedChannel included; null: there is none of this index.
+  const std::vector<float>* channel(int index) const {
+    if (index == kSpeedChannel) return &speed_mps;
+    const bool known = index >= 0 && static_cast<std::size_t>(index) < channels.size();
+    return known ? &channels[static_cast<std::size_t>(index)] : nullptr;
+  }
+
   std::int64_t time_us = 0;
   std::shared_ptr<const Roster> roster;
   std::vector<std::uint8_t> present;         // 0: the slot is empty
