@@ -23,13 +23,13 @@ absl::StatusOr<std::unique_ptr<Rasterizer>> make_rasterizer(RasterKind kind, uns
         cuda = absl::StrCat(rasterizer.status().message(), "; ");
       }
 #endif
-      auto gl = gl::make_gl_rasterizer(threads, /*hardware_only=*/true);
+      auto gl = gl::make_gl_rasterizer(threads, /*hardware_only=*/true, compute);
       if (gl.ok()) return gl;
       return visibility::make_visibility_rasterizer(
           threads, absl::StrCat("auto: ", cuda, gl.status().message()));
     }
     case RasterKind::kGl:
-      return gl::make_gl_rasterizer(threads);
+      return gl::make_gl_rasterizer(threads, /*hardware_only=*/false, compute);
     case RasterKind::kVisibility:
 #if THRONG_WITH_CUDA
       if (compute == BackendKind::kCuda) return visibility::make_cuda_rasterizer();

@@ -8,6 +8,7 @@
 #include <cuda_runtime_api.h>
 
 #include <algorithm>
+#include <cstddef>
 
 #include "render/compute/cuda/device.hpp"
 #include "render/compute/cuda/device_frame.hpp"
@@ -75,35 +76,73 @@ class Interop final : public CudaInterop {
  public:
   explicit Interop(int device) : device_(device) {}
 
-  absl::Status stage(const FrameGeometry& geometry) override {
-    const auto* frame = dynamic_cast<const cuda::DeviceFrame*>(geometry.on_device);
+  absl::StatusOr<FrameGeometry> stage(const DeviceGeometry& on_device) override {
+    const auto* frame = dynamic_cast<const cuda::DeviceFrame*>(&on_device);
     if (frame == nullptr) {
       return absl::InvalidArgumentError(
           absl::StrCat(kCall, ": the geometry is of another backend"));
     }
-    if (geometry.indices.empty()) return absl::OkStatus();
     THRONG_CUDA_TRY(cudaSetDevice(device_), kCall);
-    if (auto status = vertices_.reserve(geometry.vertices.size_bytes()); !status.ok()) {
-      return status;
-    }
-    if (auto status = indices_.reserve(geometry.indices.size_bytes()); !status.ok()) return status;
-    cudaGraphicsResource_t both[] = {vertices_.resource(), indices_.resource()};
-    THRONG_CUDA_TRY(cudaGraphicsMapResources(2, both, frame->stream), kCall);
-    cudaError_t error =
-        vertices_.copy(geometry.vertices.data(), geometry.vertices.size_bytes(), frame->stream);
-    if (error == cudaSuccess) {
-      error = indices_.copy(geometry.indices.data(), geometry.indices.size_bytes(), frame->stream);
-    }
-    // what OpenGL does next comes after the copies; whatever failed, it gets its buffers back
-    const cudaError_t unmapped = cudaGraphicsUnmapResources(2, both, frame->stream);
-    return cuda::to_status(error != cudaSuccess ? error : unmapped, kCall);
+    if (absl::Status status = share(*frame); !status.ok()) return status;
+    return fetch_lists(*frame);
   }
   unsigned vertices() const override { return vertices_.name(); }
   unsigned indices() const override { return indices_.name(); }
 
  private:
+  static std::size_t vertex_bytes(const cuda::DeviceFrame& frame) {
+    return frame.vertex_count * sizeof(BatchVertex);
+  }
+  static std::size_t index_bytes(const cuda::DeviceFrame& frame) {
+    return 3 * frame.triangle_count * sizeof(std::uint32_t);
+  }
+
+  /// Vertices and indices into the buffers.
+  absl::Status share(const cuda::DeviceFrame& frame) {
+    if (frame.triangle_count == 0) return absl::OkStatus();
+    if (auto status = vertices_.reserve(vertex_bytes(frame)); !status.ok()) return status;
+    if (auto status = indices_.reserve(index_bytes(frame)); !status.ok()) return status;
+    cudaGraphicsResource_t both[] = {vertices_.resource(), indices_.resource()};
+    THRONG_CUDA_TRY(cudaGraphicsMapResources(2, both, frame.stream), kCall);
+    cudaError_t error = vertices_.copy(frame.vertices, vertex_bytes(frame), frame.stream);
+    if (error == cudaSuccess) {
+      error = indices_.copy(frame.indices, index_bytes(frame), frame.stream);
+    }
+    // what OpenGL does next comes after the copies; whatever failed, it gets its buffers back
+    const cudaError_t unmapped = cudaGraphicsUnmapResources(2, both, frame.stream);
+    return cuda::to_status(error != cudaSuccess ? error : unmapped, kCall);
+  }
+
+  /// What shading and shadows look at on the host: 56 bytes an instance.
+  absl::StatusOr<FrameGeometry> fetch_lists(const cuda::DeviceFrame& frame) {
+    const std::size_t count = frame.instance_count;
+    const std::size_t instances_bytes = count * sizeof(VisibleInstance);
+    const std::size_t offsets_bytes = (count + 1) * sizeof(std::uint32_t);
+    THRONG_CUDA_TRY(lists_.resize(instances_bytes + 2 * offsets_bytes), kCall);
+    auto* instances = static_cast<std::byte*>(lists_.data());
+    std::byte* vertex_offset = instances + instances_bytes;
+    std::byte* triangle_offset = vertex_offset + offsets_bytes;
+    const auto fetch = [&](std::byte* to, const void* from, std::size_t bytes) {
+      return count == 0 ? cudaSuccess
+                        : cudaMemcpyAsync(to, from, bytes, cudaMemcpyDeviceToHost, frame.stream);
+    };
+    THRONG_CUDA_TRY(fetch(instances, frame.instances, instances_bytes), kCall);
+    THRONG_CUDA_TRY(fetch(vertex_offset, frame.vertex_offset, offsets_bytes), kCall);
+    THRONG_CUDA_TRY(fetch(triangle_offset, frame.triangle_offset, offsets_bytes), kCall);
+    THRONG_CUDA_TRY(cudaStreamSynchronize(frame.stream), kCall);
+    FrameGeometry geometry;
+    if (count == 0) return geometry;
+    geometry.instances = {reinterpret_cast<const VisibleInstance*>(instances), count};
+    geometry.vertex_offset = {reinterpret_cast<const std::uint32_t*>(vertex_offset), count + 1};
+    geometry.triangle_offset = {reinterpret_cast<const std::uint32_t*>(triangle_offset), count + 1};
+    geometry.vertices = {frame.vertices, frame.vertex_count};
+    geometry.indices = {frame.indices, 3 * frame.triangle_count};
+    return geometry;
+  }
+
   int device_;
   SharedBuffer vertices_, indices_;
+  cuda::PinnedBuffer lists_;
 };
 
 }  // namespace

@@ -17,8 +17,10 @@ class CudaInterop {
  public:
   virtual ~CudaInterop() = default;
 
-  /// Copies `geometry.vertices` and `indices`, which lie on the device.
-  virtual absl::Status stage(const FrameGeometry& geometry) = 0;
+  /// Copies a frame's vertices and indices on the device, and its lists to the host. In what it
+  /// returns, vertices and indices are on the device: only their number is for the caller. Valid
+  /// until the next call.
+  virtual absl::StatusOr<FrameGeometry> stage(const DeviceGeometry& geometry) = 0;
   virtual unsigned vertices() const = 0;  // names of buffers
   virtual unsigned indices() const = 0;
 };

@@ -185,8 +185,14 @@ struct Ladder {
   }
 };
 
-absl::StatusOr<std::unique_ptr<EglContext>> EglContext::make() {
+absl::StatusOr<std::unique_ptr<EglContext>> EglContext::make(int cuda_device) {
   Platforms platforms = find_platforms();
+  // by what EGL says of its devices, never by their order, which is another one than CUDA's
+  if (cuda_device >= 0) {
+    std::stable_partition(
+        platforms.rungs.begin(), platforms.rungs.end(),
+        [cuda_device](const Rung& rung) { return rung.cuda_device == cuda_device; });
+  }
   if (!platforms.problem.empty()) return absl::UnavailableError(platforms.problem);
   std::vector<std::string> reasons = platforms.notes;
   const char* only = std::getenv("THRONG_EGL");

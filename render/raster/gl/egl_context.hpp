@@ -14,7 +14,8 @@ namespace throng::render::gl {
 class EglContext {
  public:
   /// Unavailable with a reason for each platform and device that was tried.
-  static absl::StatusOr<std::unique_ptr<EglContext>> make();
+  /// @param cuda_device  an EGL device that is this CUDA device is tried first; -1: none is.
+  static absl::StatusOr<std::unique_ptr<EglContext>> make(int cuda_device = -1);
   ~EglContext();
   EglContext(const EglContext&) = delete;
   EglContext& operator=(const EglContext&) = delete;

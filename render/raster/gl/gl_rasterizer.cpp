@@ -13,6 +13,7 @@
 
 #include "render/compute/cpu/work_pool.hpp"
 #include "render/raster/gl/cast_textures.hpp"
+#include "render/raster/gl/cuda_interop.hpp"
 #include "render/raster/gl/egl_context.hpp"
 #include "render/raster/gl/program.hpp"
 #include "render/raster/gl/shaders.hpp"
@@ -110,6 +111,7 @@ class GlRasterizer final : public Rasterizer {
     BoundContext bound(*context_);
     if (!bound.status().ok()) return;
     for (Target& target : targets_) target.release();
+    interop_.reset();
     vertices_.release();
     indices_.release();
     instances_.release();
@@ -120,6 +122,20 @@ class GlRasterizer final : public Rasterizer {
     glDeleteVertexArrays(1, &empty_array_);
     for (GLuint program : {agents_, blobs_, cast_shadows_, background_}) glDeleteProgram(program);
   }
+
+  /// Takes vertices from the memory of a CUDA device, if OpenGL draws on it.
+  void share_with([[maybe_unused]] int device) {
+#if THRONG_WITH_CUDA
+    BoundContext bound(*context_);
+    if (!bound.status().ok()) return;
+    auto interop = make_cuda_interop(device);
+    interop_note_ = interop.ok() ? "; vertices from CUDA without the host"
+                                 : absl::StrCat("; ", interop.status().message());
+    if (interop.ok()) interop_ = *std::move(interop);
+#endif
+  }
+
+  bool takes_device() const override { return interop_ != nullptr; }
 
   absl::Status prepare() {
     BoundContext bound(*context_);
@@ -183,7 +199,7 @@ class GlRasterizer final : public Rasterizer {
   RasterInfo info() const override {
     return {absl::StrCat("gl (", context_->renderer(), ", ", context_->platform(), ")"),
             absl::StrCat(context_->vendor(), ", ", context_->renderer(), ", OpenGL ",
-                         context_->version())};
+                         context_->version(), interop_note_)};
   }
 
   absl::Status upload(std::shared_ptr<const Cast> cast) override {
@@ -233,6 +249,24 @@ class GlRasterizer final : public Rasterizer {
 
   absl::Status draw(const FrameGeometry& geometry, const Camera& camera, const Viewport& viewport,
                     const glm::dvec3& origin_world, const Look& look, Picture& picture) override {
+    BoundContext bound(*context_);
+    if (!bound.status().ok()) return bound.status();
+    on_device_ = geometry.on_device != nullptr;
+    if (!on_device_) {
+      return draw_bound(geometry, camera, viewport, origin_world, look, picture);
+    }
+    if (interop_ == nullptr) {
+      return absl::InvalidArgumentError("gl draw: the geometry is on a device");
+    }
+    const auto staged = interop_->stage(*geometry.on_device);
+    if (!staged.ok()) return staged.status();
+    return draw_bound(*staged, camera, viewport, origin_world, look, picture);
+  }
+
+ private:
+  absl::Status draw_bound(const FrameGeometry& geometry, const Camera& camera,
+                          const Viewport& viewport, const glm::dvec3& origin_world,
+                          const Look& look, Picture& picture) {
     if (viewport.width_px < 1 || viewport.width_px > kMaxSidePx || viewport.height_px < 1 ||
         viewport.height_px > kMaxSidePx) {
       return absl::InvalidArgumentError(absl::StrCat("gl draw: viewport is ", viewport.width_px,
@@ -243,8 +277,6 @@ class GlRasterizer final : public Rasterizer {
     if (!geometry.indices.empty() && cast_ == nullptr) {
       return absl::FailedPreconditionError("gl draw: no cast is uploaded");
     }
-    BoundContext bound(*context_);
-    if (!bound.status().ok()) return bound.status();
     try {
       picture.width_px = viewport.width_px;
       picture.height_px = viewport.height_px;
@@ -276,7 +308,6 @@ class GlRasterizer final : public Rasterizer {
     return absl::OkStatus();
   }
 
- private:
   struct Tile {
     std::uint32_t x_px, y_px, width_px, height_px;
   };
@@ -360,21 +391,33 @@ class GlRasterizer final : public Rasterizer {
     return absl::OkStatus();
   }
 
+  /// Vertices and indices into buffers, from the host or from the device.
+  absl::Status stage_vertices(const FrameGeometry& geometry) {
+    if (on_device_) {
+      drawn_vertices_ = interop_->vertices();
+      drawn_indices_ = interop_->indices();
+      return absl::OkStatus();
+    }
+    if (auto status = vertices_.reserve(geometry.vertices.size_bytes()); !status.ok()) {
+      return status;
+    }
+    if (auto status = indices_.reserve(geometry.indices.size_bytes()); !status.ok()) return status;
+    if (!geometry.indices.empty()) {
+      std::memcpy(vertices_.data(), geometry.vertices.data(), geometry.vertices.size_bytes());
+      std::memcpy(indices_.data(), geometry.indices.data(), geometry.indices.size_bytes());
+    }
+    drawn_vertices_ = vertices_.name();
+    drawn_indices_ = indices_.name();
+    return absl::OkStatus();
+  }
+
   /// Copies the frame's arrays to the mapped buffers and plans the cast shadows.
   absl::Status stage(const FrameGeometry& geometry, const SceneFrame& scene, const Look& look) {
-    if (auto status = vertices_.reserve(geometry.vertices.size_bytes()); !status.ok())
-      return status;
-    if (auto status = indices_.reserve(geometry.indices.size_bytes()); !status.ok()) return status;
     if (auto status = instances_.reserve(geometry.instances.size() * sizeof(InstanceShade));
         !status.ok()) {
       return status;
     }
-    if (!geometry.vertices.empty()) {
-      std::memcpy(vertices_.data(), geometry.vertices.data(), geometry.vertices.size_bytes());
-    }
-    if (!geometry.indices.empty()) {
-      std::memcpy(indices_.data(), geometry.indices.data(), geometry.indices.size_bytes());
-    }
+    if (auto status = stage_vertices(geometry); !status.ok()) return status;
     shades_.clear();
     casters_.clear();
     if (cast_ != nullptr) shade_instances(geometry, *cast_, scene, look, pool_, shades_, casters_);
@@ -516,8 +559,8 @@ class GlRasterizer final : public Rasterizer {
     glEnable(GL_DEPTH_TEST);
 
     // Agents.
-    glVertexArrayVertexBuffer(mesh_array_, 0, vertices_.name(), 0, sizeof(BatchVertex));
-    glVertexArrayElementBuffer(mesh_array_, indices_.name());
+    glVertexArrayVertexBuffer(mesh_array_, 0, drawn_vertices_, 0, sizeof(BatchVertex));
+    glVertexArrayElementBuffer(mesh_array_, drawn_indices_);
     glDisable(GL_BLEND);
     glDepthFunc(GL_GREATER);
     if (options_.two_sided) {
@@ -582,6 +625,10 @@ class GlRasterizer final : public Rasterizer {
   GLuint agents_ = 0, blobs_ = 0, cast_shadows_ = 0, background_ = 0;
   GLuint mesh_array_ = 0, empty_array_ = 0, uniforms_ = 0, base_color_ = 0, tint_mask_ = 0;
   MappedBuffer vertices_, indices_, instances_;
+  std::unique_ptr<CudaInterop> interop_;  // null: vertices come from the host
+  std::string interop_note_;
+  bool on_device_ = false;                         // what is drawn now
+  GLuint drawn_vertices_ = 0, drawn_indices_ = 0;  // of this frame
   std::vector<Target> targets_;
   std::uint64_t use_ = 0;
   std::vector<InstanceShade> shades_;
@@ -594,9 +641,13 @@ class GlRasterizer final : public Rasterizer {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<Rasterizer>> make_gl_rasterizer(unsigned threads,
-                                                               bool hardware_only) {
-  auto context = EglContext::make();
+absl::StatusOr<std::unique_ptr<Rasterizer>> make_gl_rasterizer(unsigned threads, bool hardware_only,
+                                                               BackendKind compute) {
+  int device = -1;
+#if THRONG_WITH_CUDA
+  if (compute == BackendKind::kCuda) device = interop_device().value_or(-1);
+#endif
+  auto context = EglContext::make(device);
   if (!context.ok()) return context.status();
   if (hardware_only && (*context)->software()) {
     return absl::FailedPreconditionError(
@@ -604,6 +655,7 @@ absl::StatusOr<std::unique_ptr<Rasterizer>> make_gl_rasterizer(unsigned threads,
   }
   auto rasterizer = std::make_unique<GlRasterizer>(std::move(*context), threads);
   if (auto status = rasterizer->prepare(); !status.ok()) return status;
+  if (device >= 0) rasterizer->share_with(device);
   return rasterizer;
 }
 

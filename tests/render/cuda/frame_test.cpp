@@ -46,7 +46,7 @@ struct Scene {
   double side_m = 20.0;
   Camera camera = {.eye_world = {0, -6, 3}, .target_world = {0, 4, 1}};
   Viewport viewport = {98, 70};  // no multiple of a tile
-  Selection selection = {.vertex_budget = 40'000};
+  std::uint64_t vertex_budget = 40'000;
   bool shadows = true;
   bool walls = false;
   bool colors = false;
@@ -103,7 +103,8 @@ absl::Status generate(Renderer& renderer, const Scene& scene, const Crowd& crowd
                                    scene.colors ? 0 : -1, surroundings);
   if (!instances.ok()) return instances.status();
   absl::Status status = backend.cull(*renderer.view, *instances, scene.camera, scene.viewport);
-  Selection selection = scene.selection;
+  Selection selection;
+  selection.vertex_budget = scene.vertex_budget;
   selection.on_device = renderer.on_device;
   if (status.ok()) status = backend.select(*renderer.view, selection);
   if (status.ok()) status = backend.allocate(*renderer.view);
@@ -194,7 +195,7 @@ INSTANTIATE_TEST_SUITE_P(
                           .agents = 150,
                           .side_m = 60,
                           .camera = {.eye_world = {0, -90, 30}, .target_world = {0, 0, 0}},
-                          .selection = {.vertex_budget = 10'000}},
+                          .vertex_budget = 10'000},
                     Scene{.name = "Orthographic",
                           .agents = 60,
                           .camera = {.eye_world = {5, -20, 25},
