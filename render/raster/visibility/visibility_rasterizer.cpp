@@ -24,7 +24,6 @@ namespace throng::render::visibility {
 namespace {
 
 constexpr std::uint32_t kMaxSidePx = 16384;
-constexpr int kTilePx = kTileSamples / 2;  // two samples a pixel and axis
 constexpr std::size_t kPixels = kTilePx * kTilePx;
 constexpr std::uint64_t kCellRefreshTriangles = 512;
 /// Instances seen in at least so many tiles have their triangles culled once for all of them.
@@ -67,7 +66,8 @@ static_assert(sizeof(DrawnInstance) == 64);
 struct TileScratch {
   TilePlanes planes;
   TilePlanes shadow;  // depth: share of light that a cast shadow takes
-  ShadeItems items, shared_items, flat_items;
+  FigureItems figures;
+  ShadeItems flat_items;
   SurfaceItems surface_items;
   alignas(64) std::uint32_t relief_texels[kTileSamples * kTileSamples];
   SharedScratch shared;
@@ -694,30 +694,13 @@ void VisibilityRasterizer::add_relief(const FrameGeometry& geometry, std::uint32
 void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, int tile_x_px,
                                          int tile_y_px, int width, int height,
                                          TileScratch& scratch) const {
-  scratch.items.count = scratch.shared_items.count = scratch.flat_items.count = 0;
+  scratch.figures.clear();
+  scratch.flat_items.count = 0;
   scratch.surface_items.count = 0;
   const float* depth = scratch.planes.depth;
   const std::uint32_t* ids = scratch.planes.id;
   BlockKind kinds[kTileSamples / 4][kTileSamples / 4];
   classify_blocks(scratch.planes, &kinds[0][0]);
-  // by which of a pixel's samples show the item: bit 0 left above, 1 right above, 2 left below
-  struct Place {
-    float x, y, weight;
-  };
-  static constexpr std::array<Place, 16> kPlaces = [] {
-    std::array<Place, 16> places{};
-    for (unsigned bits = 1; bits < 16; ++bits) {
-      float samples = 0.0F, x = 0.0F, y = 0.0F;
-      for (unsigned k = 0; k < 4; ++k) {
-        if ((bits >> k & 1U) == 0) continue;
-        samples += 1.0F;
-        x += (k & 1U) != 0 ? 0.75F : 0.25F;
-        y += (k & 2U) != 0 ? 0.75F : 0.25F;
-      }
-      places[bits] = {x / samples, y / samples, 0.25F * samples};
-    }
-    return places;
-  }();
   const auto add = [&](int x, int y, std::uint32_t instance, std::uint32_t id, unsigned samples) {
     const DrawnInstance& drawn = drawn_[instance];
     const std::uint32_t triangle =
@@ -729,24 +712,25 @@ void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, int tile
       SurfaceItems& surface = scratch.surface_items;
       add_relief(geometry, instance, triangle, 2 * tile_x_px + sample_x, 2 * tile_y_px + sample_y,
                  sample_index(sample_x, sample_y), scratch);
-      surface.weight[surface.count] = kPlaces[samples].weight;
+      surface.weight[surface.count] = kSamplePlaces[samples].weight;
       surface.pixel[surface.count++] = static_cast<std::uint16_t>(y * kTilePx + x);
       return;
     }
     const bool is_shared = (drawn.flags & DrawnInstance::kShared) != 0;
     const bool is_flat = (drawn.flags & DrawnInstance::kFlat) != 0;
-    ShadeItems& items = is_flat     ? scratch.flat_items
-                        : is_shared ? scratch.shared_items
-                                    : scratch.items;
+    const std::uint32_t first = drawn.first + (is_shared ? triangle : 3 * triangle);
+    const auto pixel = static_cast<std::uint16_t>(y * kTilePx + x);
+    if (!is_flat) {
+      if (!is_shared) __builtin_prefetch(geometry.indices.data() + first);
+      scratch.figures.add(instance, is_shared, {first, pixel, static_cast<std::uint16_t>(samples)});
+      return;
+    }
+    ShadeItems& items = scratch.flat_items;
     const std::size_t n = items.count++;
-    const Place& place = kPlaces[samples];
-    items.triangle[n] =
-        static_cast<std::int32_t>(drawn.first + (is_shared ? triangle : 3 * triangle));
+    items.triangle[n] = static_cast<std::int32_t>(first);
     items.instance[n] = static_cast<std::int32_t>(instance);
-    items.x_px[n] = static_cast<float>(tile_x_px + x) + place.x;
-    items.y_px[n] = static_cast<float>(tile_y_px + y) + place.y;
-    items.weight[n] = place.weight;
-    items.pixel[n] = static_cast<std::uint16_t>(y * kTilePx + x);
+    items.weight[n] = kSamplePlaces[samples].weight;
+    items.pixel[n] = pixel;
   };
   for (int by = 0; 2 * by < height; ++by) {
     for (int bx = 0; 2 * bx < width; ++bx) {
@@ -775,7 +759,7 @@ void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, int tile
             // ids where nothing is are 0: a block that exists
             instance_of[k] = block_instance_[element::block_of(ids[places[k]])];
           }
-          background = 1.0F - kPlaces[rest].weight;
+          background = 1.0F - kSamplePlaces[rest].weight;
           while (rest != 0) {
             const int first = __builtin_ctz(rest);
             unsigned same = 0;
@@ -978,10 +962,13 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
       collect_facts(tile_x_px, tile_y_px, width, height, static_cast<int>(viewport.width_px),
                     scratch.planes);
     }
-    shade_items(scene, geometry, shades_.data(), textures_, scratch.items);
     const SharedMeshes shared{geometry.posed, levels_.corners.data(), uv_.data(),
                               shared_shades_.data(), tones_.data()};
-    shade_shared_items(scene, shared, shades_.data(), textures_, scratch.shared_items);
+    scratch.figures.sort();
+    float* const planes[3] = {scratch.rgb[0], scratch.rgb[1], scratch.rgb[2]};
+    shade_figures(scene, geometry, shared, shades_.data(), textures_, scratch.figures, tile_x_px,
+                  tile_y_px, planes);
+    scratch.counters.shaded += scratch.figures.count();
     shade_flat_items(scene, shared, shades_.data(), scratch.flat_items);
     shade_surface_items(scene, shades_.data(), scratch.surface_items);
     const auto add_colors = [&scratch](const auto& items) {
@@ -991,8 +978,6 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
         for (int c = 0; c < 3; ++c) scratch.rgb[c][pixel] += items.weight[n] * items.rgb[c][n];
       }
     };
-    add_colors(scratch.items);
-    add_colors(scratch.shared_items);
     add_colors(scratch.flat_items);
     add_colors(scratch.surface_items);
   }

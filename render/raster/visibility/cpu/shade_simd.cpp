@@ -130,47 +130,30 @@ struct Rgba {
   F r, g, b, a;
 };
 
-/// Bilinear sample of a mip level; components 0..255, not decoded.
-HWY_INLINE Rgba Bilinear(const std::uint32_t* texels, I first, I width, I height, F u, F v) {
+/// Mean of two rows of two neighbouring texels; weights in 1/256. Components 0 to 1, not decoded.
+HWY_INLINE Rgba Mix(U t00, U t10, U t01, U t11, U wx, U wy) {
   const FloatTag df;
   const IntTag di;
   const UintTag du;
-  const F x = hn::Sub(hn::Mul(u, hn::ConvertTo(df, width)), Set(0.5F));
-  const F y = hn::Sub(hn::Mul(v, hn::ConvertTo(df, height)), Set(0.5F));
-  const F x_floor = hn::Floor(x), y_floor = hn::Floor(y);
-  // weights of 1/256, and integers from here on
-  const I tx = hn::ConvertTo(di, Times(hn::Sub(x, x_floor), 256.0F));
-  const I ty = hn::ConvertTo(di, Times(hn::Sub(y, y_floor), 256.0F));
-  const I one = hn::Set(di, 1), zero = hn::Zero(di);
-  const I x_last = hn::Sub(width, one), y_last = hn::Sub(height, one);
-  const I x_int = hn::ConvertTo(di, x_floor), y_int = hn::ConvertTo(di, y_floor);
-  const I x0 = hn::Min(hn::Max(x_int, zero), x_last);
-  const I x1 = hn::Min(hn::Max(hn::Add(x_int, one), zero), x_last);
-  const I y0 = hn::Mul(hn::Min(hn::Max(y_int, zero), y_last), width);
-  const I y1 = hn::Mul(hn::Min(hn::Max(hn::Add(y_int, one), zero), y_last), width);
-  const I row0 = hn::Add(first, y0), row1 = hn::Add(first, y1);
-  const U t00 = hn::GatherIndex(du, texels, hn::Add(row0, x0));
-  const U t10 = hn::GatherIndex(du, texels, hn::Add(row0, x1));
-  const U t01 = hn::GatherIndex(du, texels, hn::Add(row1, x0));
-  const U t11 = hn::GatherIndex(du, texels, hn::Add(row1, x1));
-  const U wx = hn::BitCast(du, tx), wy = hn::BitCast(du, ty);
-  const U full = hn::Set(du, 256);
-  const U w11 = hn::Mul(wx, wy), w10 = hn::Sub(hn::ShiftLeft<8>(wx), w11);
-  const U w01 = hn::Sub(hn::ShiftLeft<8>(wy), w11);
-  const U w00 = hn::Sub(hn::Sub(hn::Sub(hn::ShiftLeft<8>(full), w11), w10), w01);
-  const U byte = hn::Set(du, 255);
-  const auto mix = [&](U a, U b, U c, U d) HWY_ATTR {
-    const U sum = hn::Add(hn::Add(hn::Mul(hn::And(a, byte), w00), hn::Mul(hn::And(b, byte), w10)),
-                          hn::Add(hn::Mul(hn::And(c, byte), w01), hn::Mul(hn::And(d, byte), w11)));
-    return Times(hn::ConvertTo(df, hn::BitCast(di, sum)), 1.0F / (65536.0F * 255.0F));
+  const U pairs = hn::Set(du, 0x00ff00ffU), low_half = hn::Set(du, 0xffff);
+  const U left = hn::Sub(hn::Set(du, 256), wx);
+  // two components at once along the row: each stays under 2^16
+  const auto along = [&](U a, U b) HWY_ATTR {
+    return hn::Add(hn::Mul(hn::And(a, pairs), left), hn::Mul(hn::And(b, pairs), wx));
   };
-  return {mix(t00, t10, t01, t11),
-          mix(hn::ShiftRight<8>(t00), hn::ShiftRight<8>(t10), hn::ShiftRight<8>(t01),
-              hn::ShiftRight<8>(t11)),
-          mix(hn::ShiftRight<16>(t00), hn::ShiftRight<16>(t10), hn::ShiftRight<16>(t01),
-              hn::ShiftRight<16>(t11)),
-          mix(hn::ShiftRight<24>(t00), hn::ShiftRight<24>(t10), hn::ShiftRight<24>(t01),
-              hn::ShiftRight<24>(t11))};
+  const U even0 = along(t00, t10), even1 = along(t01, t11);
+  const U odd0 = along(hn::ShiftRight<8>(t00), hn::ShiftRight<8>(t10));
+  const U odd1 = along(hn::ShiftRight<8>(t01), hn::ShiftRight<8>(t11));
+  const F below = Times(hn::ConvertTo(df, hn::BitCast(di, wy)), 1.0F / (65536.0F * 255.0F));
+  const F above = hn::Sub(Set(1.0F / (256.0F * 255.0F)), below);
+  const auto down = [&](U a, U b) HWY_ATTR {
+    return hn::Add(hn::Mul(hn::ConvertTo(df, hn::BitCast(di, a)), above),
+                   hn::Mul(hn::ConvertTo(df, hn::BitCast(di, b)), below));
+  };
+  return {down(hn::And(even0, low_half), hn::And(even1, low_half)),
+          down(hn::And(odd0, low_half), hn::And(odd1, low_half)),
+          down(hn::ShiftRight<16>(even0), hn::ShiftRight<16>(even1)),
+          down(hn::ShiftRight<16>(odd0), hn::ShiftRight<16>(odd1))};
 }
 
 /// The cubic of element::linear_from_srgb.
@@ -192,21 +175,28 @@ HWY_INLINE V3 Unpack(U bits) {
   return {square(bits), square(hn::ShiftRight<10>(bits)), square(hn::ShiftRight<20>(bits))};
 }
 
-/// The texture's colour with the regions of its mask dyed.
-HWY_INLINE V3 Tinted(const V3& albedo, const Rgba& mask, const std::uint32_t* shade_words,
-                     I instance) {
+/// The texture's colour with the regions of its mask dyed in an instance's tints.
+HWY_INLINE V3 Dyed(const V3& albedo, const Rgba& mask, const V3 tints[4]) {
   const FloatTag df;
-  const UintTag du;
   const F rest = hn::Max(
       hn::Zero(df), hn::Sub(Set(1.0F), hn::Add(hn::Add(mask.r, mask.g), hn::Add(mask.b, mask.a))));
   V3 tint{rest, rest, rest};
   const F* weights[4] = {&mask.r, &mask.g, &mask.b, &mask.a};
   for (int region = 0; region < 4; ++region) {
     // element::pack_tint stores halves
-    const V3 color = Unpack(hn::GatherIndex(du, shade_words + 4 + region, instance));
-    tint = Add3(tint, Scale3(color, Times(*weights[region], 2.0F)));
+    tint = Add3(tint, Scale3(tints[region], Times(*weights[region], 2.0F)));
   }
   return {hn::Mul(albedo.x, tint.x), hn::Mul(albedo.y, tint.y), hn::Mul(albedo.z, tint.z)};
+}
+
+HWY_INLINE V3 Tinted(const V3& albedo, const Rgba& mask, const std::uint32_t* shade_words,
+                     I instance) {
+  const UintTag du;
+  V3 tints[4];
+  for (int region = 0; region < 4; ++region) {
+    tints[region] = Unpack(hn::GatherIndex(du, shade_words + 4 + region, instance));
+  }
+  return Dyed(albedo, mask, tints);
 }
 
 /// The channel's colour where there is one, else `albedo`.
@@ -221,10 +211,15 @@ HWY_INLINE V3 Colored(const V3& base, const V3& albedo, U channel) {
           hn::IfThenElse(chosen, color.z, albedo.z)};
 }
 
-/// Light, haze and tone map. `n` of unit length, `above_m` over the feet.
-HWY_INLINE V3 Lit(const SceneFrame& scene, const V3& albedo, const V3& n, const V3& to_eye,
-                  F above_m, F distance_m) {
-  const V3 sun = Set3(scene.sun_direction);
+/// What falls on a surface and what it throws back of itself.
+struct Light {
+  V3 on;
+  F rim, gloss;  // of the sky's and the sun's colour
+};
+
+/// `n` and `sun` of unit length in one frame whose z is up, `above_m` over the feet.
+HWY_INLINE Light LightOn(const SceneFrame& scene, const V3& sun, const V3& n, const V3& to_eye,
+                         F above_m) {
   const F rise = Clamp01(Times(hn::Add(above_m, Set(0.05F)), 1.0F / 0.8F));
   const F smooth = hn::Mul(hn::Mul(rise, rise), hn::Sub(Set(3.0F), hn::Add(rise, rise)));
   const F ao = hn::Add(Set(0.55F), Times(smooth, 0.45F));
@@ -237,271 +232,435 @@ HWY_INLINE V3 Lit(const SceneFrame& scene, const V3& albedo, const V3& n, const 
                         Times(hn::Add(Times(hn::Mul(n.z, n.z), 0.65F), Set(0.35F)), 0.16F));
   F gloss = Clamp01(Dot3(n, Unit3(Add3(sun, to_eye))));
   for (int power = 0; power < 4; ++power) gloss = hn::Mul(gloss, gloss);
-  gloss = Times(hn::Mul(gloss, facing), 0.035F);
-  const F rim_ao = hn::Mul(rim, ao);
-  const auto lit = [&](F a, float sun_c, float sky_c, float low_c) HWY_ATTR {
+  const auto on = [&](float sun_c, float sky_c, float low_c) HWY_ATTR {
     const F sky_light = hn::Mul(hn::Add(Set(low_c), Times(up_share, sky_c - low_c)), ao);
-    const F light = hn::Add(Times(direct, sun_c), sky_light);
-    return hn::Add(hn::Add(hn::Mul(a, light), Times(rim_ao, sky_c)), Times(gloss, sun_c));
+    return hn::Add(Times(direct, sun_c), sky_light);
   };
-  V3 color{lit(albedo.x, scene.sun_color.x, scene.sky_color.x, scene.ground_light.x),
-           lit(albedo.y, scene.sun_color.y, scene.sky_color.y, scene.ground_light.y),
-           lit(albedo.z, scene.sun_color.z, scene.sky_color.z, scene.ground_light.z)};
+  return {{on(scene.sun_color.x, scene.sky_color.x, scene.ground_light.x),
+           on(scene.sun_color.y, scene.sky_color.y, scene.ground_light.y),
+           on(scene.sun_color.z, scene.sky_color.z, scene.ground_light.z)},
+          hn::Mul(rim, ao),
+          Times(hn::Mul(gloss, facing), 0.035F)};
+}
+
+/// The surface's colour in this light, haze and tone map.
+HWY_INLINE V3 Seen(const SceneFrame& scene, const V3& albedo, const Light& light, F distance_m) {
+  const auto lit = [&](F a, F on, float sun_c, float sky_c) HWY_ATTR {
+    return hn::Add(hn::Add(hn::Mul(a, on), Times(light.rim, sky_c)), Times(light.gloss, sun_c));
+  };
+  V3 color{lit(albedo.x, light.on.x, scene.sun_color.x, scene.sky_color.x),
+           lit(albedo.y, light.on.y, scene.sun_color.y, scene.sky_color.y),
+           lit(albedo.z, light.on.z, scene.sun_color.z, scene.sky_color.z)};
   if (!scene.orthographic) color = Haze(scene, color, distance_m);
   return ToneMap(color);
 }
 
-/// Offset, width and height of a mip level of an image with its levels one after the other.
-struct Level {
-  std::int32_t first, width, height;
-};
-inline Level LevelOf(std::int32_t first, std::int32_t width, std::int32_t height,
-                     std::int32_t levels, std::int32_t level) {
-  level = std::min(std::max(level, 0), levels - 1);
-  for (; level > 0; --level) {
-    first += width * height;
-    width = std::max(1, width >> 1);
-    height = std::max(1, height >> 1);
-  }
-  return {first, width, height};
+HWY_INLINE V3 Lit(const SceneFrame& scene, const V3& albedo, const V3& n, const V3& to_eye,
+                  F above_m, F distance_m) {
+  return Seen(scene, albedo, LightOn(scene, Set3(scene.sun_direction), n, to_eye, above_m),
+              distance_m);
 }
-
-/// Corners of a vector of triangles.
-struct ItemCorners {
-  V3 p0, p1, p2;    // relative to the eye
-  I uv0, uv1, uv2;  // unorm16 pairs
-  V3 n0, n1, n2;    // not unit length
-};
-
-/// Of instances with vertices of their own.
-struct OwnFetch {
-  const FrameGeometry& geometry;
-
-  HWY_INLINE ItemCorners operator()(I triangle, I, V3) const {
-    const FloatTag df;
-    const IntTag di;
-    const auto* indices = reinterpret_cast<const std::int32_t*>(geometry.indices.data());
-    const auto* words = reinterpret_cast<const std::int32_t*>(geometry.vertices.data());
-    const auto* floats = reinterpret_cast<const float*>(geometry.vertices.data());
-    const I stride = hn::Set(di, sizeof(BatchVertex) / 4);
-    const I v0 = hn::Mul(hn::GatherIndex(di, indices, triangle), stride);
-    const I v1 = hn::Mul(hn::GatherIndex(di, indices + 1, triangle), stride);
-    const I v2 = hn::Mul(hn::GatherIndex(di, indices + 2, triangle), stride);
-    const auto position = [&](I v) HWY_ATTR {
-      return V3{hn::GatherIndex(df, floats, v), hn::GatherIndex(df, floats + 1, v),
-                hn::GatherIndex(df, floats + 2, v)};
-    };
-    const auto normal = [&](I v) HWY_ATTR { return Octahedral(hn::GatherIndex(di, words + 3, v)); };
-    return {position(v0),
-            position(v1),
-            position(v2),
-            hn::GatherIndex(di, words + 4, v0),
-            hn::GatherIndex(di, words + 4, v1),
-            hn::GatherIndex(di, words + 4, v2),
-            normal(v0),
-            normal(v1),
-            normal(v2)};
-  }
-};
-
-/// Of instances that share a pose.
-struct SharedFetch {
-  const SharedMeshes& meshes;
-
-  HWY_INLINE ItemCorners operator()(I triangle, I instance, V3 feet) const {
-    const FloatTag df;
-    const IntTag di;
-    const UintTag du;
-    const auto* shade_words = reinterpret_cast<const std::int32_t*>(meshes.shades);
-    const auto* shade_floats = reinterpret_cast<const float*>(meshes.shades);
-    const auto* normals = reinterpret_cast<const std::int32_t*>(meshes.posed);
-    const auto* uvs = reinterpret_cast<const std::int32_t*>(meshes.uv);
-    const I at = hn::ShiftLeft<3>(instance);
-    const I posed = hn::GatherIndex(di, shade_words, at);
-    const I stride = hn::GatherIndex(di, shade_words + 1, at);
-    const I first_uv = hn::GatherIndex(di, shade_words + 2, at);
-    const F cosine = hn::GatherIndex(df, shade_floats + 4, at);
-    const F sine = hn::GatherIndex(df, shade_floats + 5, at);
-    const F scale = hn::GatherIndex(df, shade_floats + 6, at);
-    const U word = hn::GatherIndex(du, meshes.corners, triangle);
-    const U ten = hn::Set(du, 1023);
-    const I c0 = hn::BitCast(di, hn::And(word, ten));
-    const I c1 = hn::BitCast(di, hn::And(hn::ShiftRight<10>(word), ten));
-    const I c2 = hn::BitCast(di, hn::ShiftRight<20>(word));
-    // as place_posed
-    const auto turned = [&](const V3& p) HWY_ATTR {
-      return V3{hn::Sub(hn::Mul(p.x, cosine), hn::Mul(p.y, sine)),
-                hn::Add(hn::Mul(p.x, sine), hn::Mul(p.y, cosine)), hn::Mul(p.z, scale)};
-    };
-    const auto position = [&](I c) HWY_ATTR {
-      const I x = hn::Add(posed, c), y = hn::Add(x, stride), z = hn::Add(y, stride);
-      return Add3(
-          feet, turned({hn::GatherIndex(df, meshes.posed, x), hn::GatherIndex(df, meshes.posed, y),
-                        hn::GatherIndex(df, meshes.posed, z)}));
-    };
-    const I normal_column = hn::Add(hn::Add(posed, stride), hn::Add(stride, stride));
-    const auto normal = [&](I c) HWY_ATTR {
-      return turned(Octahedral(hn::GatherIndex(di, normals, hn::Add(normal_column, c))));
-    };
-    const auto uv = [&](I c) HWY_ATTR { return hn::GatherIndex(di, uvs, hn::Add(first_uv, c)); };
-    return {position(c0), position(c1), position(c2), uv(c0),    uv(c1),
-            uv(c2),       normal(c0),   normal(c1),   normal(c2)};
-  }
-};
 
 /// Fills the last vector with its last item.
 HWY_INLINE void PadItems(ShadeItems& items, std::size_t lanes) {
   for (std::size_t i = items.count; i < items.count + lanes; ++i) {
     items.triangle[i] = items.triangle[items.count - 1];
     items.instance[i] = items.instance[items.count - 1];
-    items.x_px[i] = items.x_px[items.count - 1];
-    items.y_px[i] = items.y_px[items.count - 1];
   }
 }
 
-template <class Fetch>
-HWY_INLINE void ShadeWith(const Fetch& fetch, const SceneFrame& scene, const InstanceShade* shades,
-                          const TextureStore& textures, ShadeItems& items) {
+/// Pixels that are shaded in one go: what their vectors need is first brought together by plain
+/// loads, whole rows at a time, which costs a fraction of gathering it value by value.
+constexpr std::size_t kBatch = 64;
+
+struct FigureBatch {
+  HWY_ALIGN float x_px[kBatch], y_px[kBatch];
+  HWY_ALIGN float corner[3][kBatch][4];  // position, and the octahedral normal's bits
+  HWY_ALIGN std::int32_t uv[3][kBatch];  // unorm16 pairs
+  // between the passes
+  HWY_ALIGN std::int32_t texel[2][2][kBatch];  // base and mask, rows
+  HWY_ALIGN std::int32_t wx[2][kBatch], wy[2][kBatch];
+  HWY_ALIGN std::uint32_t pair[2][2][kBatch][2];
+  HWY_ALIGN float light[6][kBatch];
+  // of mixed instances
+  HWY_ALIGN std::int32_t instance[kBatch];
+  HWY_ALIGN float frame[7][kBatch];
+};
+
+/// From the frame of an instance's vertices to the world's axes at the eye.
+struct Frame {
+  F cosine, sine, scale;  // the first two with the scale in them
+  V3 place;
+  F above;  // to be added to a height times the scale for the height over the feet
+};
+
+/// What an instance's pixels have in common, in the frame of its vertices; "x" and "y" are what a
+/// pixel to the right and down adds.
+struct Figure {
+  V3 eye, eye_x, eye_y, ray, ray_x, ray_y, sun;
+  F scale, above, area_px;
+};
+
+HWY_INLINE Figure FigureOf(const SceneFrame& scene, const Frame& frame) {
+  const F inverse = hn::Div(Set(1.0F), frame.scale);
+  const F squared = hn::Mul(inverse, inverse);
+  const F cosine = hn::Mul(frame.cosine, squared), sine = hn::Mul(frame.sine, squared);
+  const auto back = [&](const V3& v) HWY_ATTR {
+    return V3{hn::Add(hn::Mul(v.x, cosine), hn::Mul(v.y, sine)),
+              hn::Sub(hn::Mul(v.y, cosine), hn::Mul(v.x, sine)), hn::Mul(v.z, inverse)};
+  };
+  Figure figure;
+  figure.eye = back(Sub3(Set3(scene.ray_origin), frame.place));
+  figure.eye_x = back(Set3(scene.ray_origin_x));
+  figure.eye_y = back(Set3(scene.ray_origin_y));
+  figure.ray = back(Set3(scene.ray_direction));
+  figure.ray_x = back(Set3(scene.ray_direction_x));
+  figure.ray_y = back(Set3(scene.ray_direction_y));
+  figure.sun = Scale3(back(Set3(scene.sun_direction)), frame.scale);
+  figure.scale = frame.scale;
+  figure.above = frame.above;
+  // of a determinant in this frame, and texture coordinates are in 1/65535
+  figure.area_px = Times(hn::Mul(hn::Mul(frame.scale, frame.scale), frame.scale),
+                         scene.px_per_tangent * scene.px_per_tangent * 65535.0F * 65535.0F);
+  return figure;
+}
+
+/// An instance's character's textures, tints and channel.
+struct Surface {
+  I levels;  // of TextureStore::levels, in values
+  I width[2], height[2], last_level[2], log2_width[2];
+  F has_mask;
+  V3 tints[4];
+  U channel;
+};
+
+constexpr int kLevelsWords = sizeof(TextureLevels) / 4;
+
+/// `read(words)` gives a value of each pixel's character, given the first character's;
+/// `read_shade(word)` one of its instance's InstanceShade.
+template <class Read, class ReadShade>
+HWY_INLINE Surface SurfaceOf(const TextureStore& textures, I character, const Read& read,
+                             const ReadShade& read_shade) {
+  const FloatTag df;
+  const UintTag du;
+  Surface surface;
+  const TextureLevels& first = textures.levels[0];
+  surface.levels = hn::Mul(character, hn::Set(IntTag(), kLevelsWords));
+  for (int t = 0; t < 2; ++t) {
+    surface.width[t] = read(&first.width[t]);
+    surface.height[t] = read(&first.height[t]);
+    surface.last_level[t] = read(&first.last_level[t]);
+    surface.log2_width[t] = read(&first.log2_width[t]);
+  }
+  surface.has_mask = hn::ConvertTo(df, read(&first.has_mask));
+  for (int region = 0; region < 4; ++region) {
+    surface.tints[region] = Unpack(hn::BitCast(du, read_shade(4 + region)));
+  }
+  surface.channel = hn::BitCast(du, read_shade(9));
+  return surface;
+}
+
+/// Brings the rows of a batch together; `count` of its pixels count, the last one is repeated up
+/// to `padded`.
+void LoadBatch(const FrameGeometry& geometry, const SharedMeshes& meshes,
+               const InstanceShade* shades, const FigureItems& items, std::size_t from,
+               std::size_t count, std::size_t padded, bool mixed, int tile_x_px, int tile_y_px,
+               FigureBatch& batch) {
+  const std::uint32_t* indices = geometry.indices.data();
+  const BatchVertex* vertices = geometry.vertices.data();
+  // two levels of memory that is anywhere: all of one before the next
+  for (std::size_t k = 0; k < count; ++k) {
+    if ((mixed ? items.group_at(from + k) : items.group_at(from)).is_shared != 0) continue;
+    const std::uint32_t* corner = indices + items.at(from + k).triangle;
+    for (int c = 0; c < 3; ++c) {
+      const auto* vertex = reinterpret_cast<const char*>(vertices + corner[c]);
+      __builtin_prefetch(vertex);
+      __builtin_prefetch(vertex + sizeof(BatchVertex) - 1);
+    }
+  }
+  for (std::size_t k = 0; k < padded; ++k) {
+    const std::size_t place = from + std::min(k, count - 1);
+    const FigureItems::Item& item = items.at(place);
+    const FigureItems::Group& group = mixed ? items.group_at(place) : items.group_at(from);
+    const SamplePlace& samples = kSamplePlaces[item.samples];
+    batch.x_px[k] = static_cast<float>(tile_x_px + item.pixel % kTilePx) + samples.x;
+    batch.y_px[k] = static_cast<float>(tile_y_px + item.pixel / kTilePx) + samples.y;
+    if (group.is_shared != 0) {
+      const SharedShade& shade = meshes.shades[group.instance];
+      const std::uint32_t corners = meshes.corners[item.triangle];
+      for (int c = 0; c < 3; ++c) {
+        const std::uint32_t v = corner_of(corners, c);
+        const float* x = meshes.posed + shade.posed + v;
+        for (std::size_t column = 0; column < 4; ++column) {
+          std::memcpy(&batch.corner[c][k][column], x + column * shade.stride, 4);
+        }
+        std::memcpy(&batch.uv[c][k], meshes.uv + shade.first_uv + v, 4);
+      }
+    } else {
+      for (int c = 0; c < 3; ++c) {
+        const BatchVertex& vertex = vertices[indices[item.triangle + static_cast<unsigned>(c)]];
+        std::memcpy(batch.corner[c][k], &vertex, 16);
+        std::memcpy(&batch.uv[c][k], &vertex.uv, 4);
+      }
+    }
+    if (!mixed) continue;
+    batch.instance[k] = static_cast<std::int32_t>(group.instance);
+    const InstanceShade& shade = shades[group.instance];
+    const SharedShade& shared = meshes.shades[group.is_shared != 0 ? group.instance : 0];
+    const float own[7] = {1.0F, 0.0F, 1.0F, 0.0F, 0.0F, 0.0F, -shade.feet_relative.z};
+    const float posed[7] = {
+        shared.cosine_scale,   shared.sine_scale,     shared.scale, shade.feet_relative.x,
+        shade.feet_relative.y, shade.feet_relative.z, 0.0F};
+    for (int c = 0; c < 7; ++c) batch.frame[c][k] = (group.is_shared != 0 ? posed : own)[c];
+  }
+}
+
+/// Where the pixel at k of a batch lies on its triangle: light and texels.
+HWY_INLINE void ShadeGeometry(const SceneFrame& scene, const TextureStore& textures,
+                              const Figure& figure, const Surface& surface, bool wants_mask,
+                              std::size_t k, FigureBatch& batch) {
   const FloatTag df;
   const IntTag di;
   const UintTag du;
-  const std::size_t lanes = hn::Lanes(df);
-  if (items.count == 0) return;
-  PadItems(items, lanes);
-  const auto* shade_words = reinterpret_cast<const std::uint32_t*>(shades);
-  const auto* shade_floats = reinterpret_cast<const float*>(shades);
-  const I shade_stride = hn::Set(di, sizeof(InstanceShade) / 4);
-  HWY_ALIGN std::int32_t first[2][16], width[2][16], height[2][16], level_int[16], character[16];
-  HWY_ALIGN float level_float[16];
-  for (std::size_t i = 0; i < items.count; i += lanes) {
-    const I triangle = hn::Load(di, items.triangle + i);
-    const I number = hn::Load(di, items.instance + i);
-    const I instance = hn::Mul(number, shade_stride);
-    const F x_px = hn::Load(df, items.x_px + i), y_px = hn::Load(df, items.y_px + i);
-    const auto along = [&](const glm::vec3& o, const glm::vec3& dx, const glm::vec3& dy) HWY_ATTR {
-      return Add3(Add3(Set3(o), Scale3(Set3(dx), x_px)), Scale3(Set3(dy), y_px));
-    };
-    const V3 ray = along(scene.ray_direction, scene.ray_direction_x, scene.ray_direction_y);
-    V3 origin{hn::Zero(df), hn::Zero(df), hn::Zero(df)};
-    if (scene.orthographic)
-      origin = along(scene.ray_origin, scene.ray_origin_x, scene.ray_origin_y);
-    const V3 feet{hn::GatherIndex(df, shade_floats, instance),
-                  hn::GatherIndex(df, shade_floats + 1, instance),
-                  hn::GatherIndex(df, shade_floats + 2, instance)};
-    const ItemCorners corner = fetch(triangle, number, feet);
-    const V3 p0 = corner.p0;
-    const V3 e1 = Sub3(corner.p1, p0), e2 = Sub3(corner.p2, p0);
-    // where the ray meets the triangle's plane (Moeller & Trumbore 1997)
-    const V3 p = Cross3(ray, e2);
-    const F determinant = Dot3(e1, p);
-    const F tiny = Set(1e-20F);
-    const F safe = hn::IfThenElse(hn::Lt(hn::Abs(determinant), tiny), tiny, determinant);
-    const F inverse = hn::Div(Set(1.0F), safe);
-    const V3 t = Sub3(origin, p0);
-    const V3 q = Cross3(t, e1);
-    F b1 = Clamp01(hn::Mul(Dot3(t, p), inverse));
-    F b2 = Clamp01(hn::Mul(Dot3(ray, q), inverse));
-    const F over = hn::Max(hn::Add(b1, b2), Set(1.0F));
-    b1 = hn::Div(b1, over);
-    b2 = hn::Div(b2, over);
-    const F b0 = hn::Sub(hn::Sub(Set(1.0F), b1), b2);
-    const V3 place = Add3(p0, Add3(Scale3(e1, b1), Scale3(e2, b2)));
+  const F x_px = hn::Load(df, batch.x_px + k), y_px = hn::Load(df, batch.y_px + k);
+  const V3 ray = Add3(Add3(figure.ray, Scale3(figure.ray_x, x_px)), Scale3(figure.ray_y, y_px));
+  V3 eye = figure.eye;
+  if (scene.orthographic) {
+    eye = Add3(Add3(eye, Scale3(figure.eye_x, x_px)), Scale3(figure.eye_y, y_px));
+  }
+  V3 p[3];
+  I normal[3];
+  for (int c = 0; c < 3; ++c) {
+    F bits;
+    hn::LoadInterleaved4(df, batch.corner[c][k], p[c].x, p[c].y, p[c].z, bits);
+    normal[c] = hn::BitCast(di, bits);
+  }
+  const V3 e1 = Sub3(p[1], p[0]), e2 = Sub3(p[2], p[0]);
+  // where the ray meets the triangle's plane (Moeller & Trumbore 1997)
+  const V3 cross = Cross3(ray, e2);
+  const F determinant = Dot3(e1, cross);
+  const F tiny = Set(1e-20F);
+  const F safe = hn::IfThenElse(hn::Lt(hn::Abs(determinant), tiny), tiny, determinant);
+  const F inverse = hn::Div(Set(1.0F), safe);
+  const V3 t = Sub3(eye, p[0]);
+  const V3 q = Cross3(t, e1);
+  F b1 = Clamp01(hn::Mul(Dot3(t, cross), inverse));
+  F b2 = Clamp01(hn::Mul(Dot3(ray, q), inverse));
+  const F over = hn::Div(Set(1.0F), hn::Max(hn::Add(b1, b2), Set(1.0F)));
+  b1 = hn::Mul(b1, over);
+  b2 = hn::Mul(b2, over);
+  const F b0 = hn::Sub(hn::Sub(Set(1.0F), b1), b2);
+  const V3 place = Add3(p[0], Add3(Scale3(e1, b1), Scale3(e2, b2)));
 
-    // texture coordinates
-    const I uv0 = corner.uv0, uv1 = corner.uv1, uv2 = corner.uv2;
-    const I low_half = hn::Set(di, 0xffff);
-    const auto u_of = [&](I uv) HWY_ATTR {
-      return Times(hn::ConvertTo(df, hn::And(uv, low_half)), 1.0F / 65535.0F);
-    };
-    const auto v_of = [&](I uv) HWY_ATTR {
-      return Times(hn::ConvertTo(df, hn::And(hn::ShiftRight<16>(uv), low_half)), 1.0F / 65535.0F);
-    };
-    const F u0 = u_of(uv0), u1 = hn::Sub(u_of(uv1), u0), u2 = hn::Sub(u_of(uv2), u0);
-    const F w0 = v_of(uv0), w1 = hn::Sub(v_of(uv1), w0), w2 = hn::Sub(v_of(uv2), w0);
-    const F u = hn::Add(u0, hn::Add(hn::Mul(u1, b1), hn::Mul(u2, b2)));
-    const F v = hn::Add(w0, hn::Add(hn::Mul(w1, b1), hn::Mul(w2, b2)));
-    // mip level from areas: texture covered over pixels covered. The triangle's shadow on the
-    // picture is |ray . (e1 x e2)| / distance^2, `distance` being along the ray (its forward part
-    // is 1).
+  // texture coordinates, 0 to 65535
+  const I uv0 = hn::Load(di, batch.uv[0] + k), uv1 = hn::Load(di, batch.uv[1] + k),
+          uv2 = hn::Load(di, batch.uv[2] + k);
+  const auto u_of = [&](I uv)
+                        HWY_ATTR { return hn::ConvertTo(df, hn::And(uv, hn::Set(di, 0xffff))); };
+  const auto v_of = [&](I uv) HWY_ATTR {
+    return hn::ConvertTo(df, hn::BitCast(di, hn::ShiftRight<16>(hn::BitCast(du, uv))));
+  };
+  const F u0 = u_of(uv0), u1 = hn::Sub(u_of(uv1), u0), u2 = hn::Sub(u_of(uv2), u0);
+  const F v0 = v_of(uv0), v1 = hn::Sub(v_of(uv1), v0), v2 = hn::Sub(v_of(uv2), v0);
+  const F u = hn::Add(u0, hn::Add(hn::Mul(u1, b1), hn::Mul(u2, b2)));
+  const F v = hn::Add(v0, hn::Add(hn::Mul(v1, b1), hn::Mul(v2, b2)));
+  // mip level from areas: texture covered over pixels covered. The triangle's shadow on the
+  // picture is |ray . (e1 x e2)| / distance^2, `distance` being along the ray (its forward part
+  // is 1).
+  F area_px = hn::Mul(hn::Abs(determinant), figure.area_px);
+  if (!scene.orthographic) {
     const F distance = hn::Mul(Dot3(e2, q), inverse);
-    F area_px = hn::Mul(hn::Abs(determinant), Set(scene.px_per_tangent * scene.px_per_tangent));
-    if (!scene.orthographic) area_px = hn::Div(area_px, hn::Max(hn::Mul(distance, distance), tiny));
-    const F area_uv = hn::Abs(hn::Sub(hn::Mul(u1, w2), hn::Mul(u2, w1)));
-    const F level = Times(Log2Rough(hn::Div(area_uv, hn::Max(area_px, tiny))), 0.5F);
-    hn::Store(level, df, level_float);
-    const I layer = hn::BitCast(di, hn::GatherIndex(du, shade_words + 8, instance));
-    hn::Store(layer, di, character);
-    bool any_mask = false;
-    for (std::size_t lane = 0; lane < lanes; ++lane) {
-      const TextureInfo& info = textures.infos[static_cast<std::size_t>(character[lane])];
-      // level 0 has base_width texels to uv 1: the level rises by log2 of that
-      const auto pick = [&](std::int32_t texels_wide) {
-        int log2_width = 0;
-        while ((texels_wide >> (log2_width + 1)) != 0) ++log2_width;
-        return static_cast<std::int32_t>(
-            std::floor(level_float[lane] + static_cast<float>(log2_width) + 0.5F));
-      };
-      const Level base = LevelOf(info.base_first, info.base_width, info.base_height,
-                                 info.base_levels, pick(info.base_width));
-      first[0][lane] = base.first;
-      width[0][lane] = base.width;
-      height[0][lane] = base.height;
-      if (info.mask_first >= 0) {
-        any_mask = true;
-        const Level mask = LevelOf(info.mask_first, info.mask_width, info.mask_height,
-                                   info.mask_levels, pick(info.mask_width));
-        first[1][lane] = mask.first;
-        width[1][lane] = mask.width;
-        height[1][lane] = mask.height;
-      } else {
-        first[1][lane] = -1;
-        width[1][lane] = height[1][lane] = 1;
-      }
-      level_int[lane] = first[1][lane] < 0 ? 0 : 1;
-      first[1][lane] = std::max(first[1][lane], 0);
-    }
-    const Rgba base = Bilinear(textures.texels.data(), hn::Load(di, first[0]),
-                               hn::Load(di, width[0]), hn::Load(di, height[0]), u, v);
-    V3 albedo{Linear(base.r), Linear(base.g), Linear(base.b)};
-    const U channel = hn::GatherIndex(du, shade_words + 9, instance);
-    const auto has_channel = hn::Ne(channel, hn::Set(du, kNoChannel));
-    if (any_mask && !hn::AllTrue(du, has_channel)) {
-      const F masked = hn::ConvertTo(df, hn::Load(di, level_int));
-      Rgba mask = Bilinear(textures.texels.data(), hn::Load(di, first[1]), hn::Load(di, width[1]),
-                           hn::Load(di, height[1]), u, v);
-      mask.r = hn::Mul(mask.r, masked);
-      mask.g = hn::Mul(mask.g, masked);
-      mask.b = hn::Mul(mask.b, masked);
-      mask.a = hn::Mul(mask.a, masked);
-      albedo = Tinted(albedo, mask, shade_words, instance);
-    }
-    if (!hn::AllFalse(du, has_channel)) {
-      albedo = Colored({Linear(base.r), Linear(base.g), Linear(base.b)}, albedo, channel);
-    }
+    area_px = hn::Div(area_px, hn::Max(hn::Mul(distance, distance), tiny));
+  }
+  const F area_uv = hn::Abs(hn::Sub(hn::Mul(u1, v2), hn::Mul(u2, v1)));
+  const F level = Times(Log2Rough(hn::Div(area_uv, hn::Max(area_px, tiny))), 0.5F);
+  const auto* first = textures.levels[0].first[0];
+  const I zero = hn::Zero(di), one = hn::Set(di, 1);
+  for (int t_number = 0; t_number < (wants_mask ? 2 : 1); ++t_number) {
+    // level 0 has `width` texels to the whole: the level rises by log2 of that
+    const F rough =
+        hn::Add(hn::Add(level, hn::ConvertTo(df, surface.log2_width[t_number])), Set(0.5F));
+    I number = hn::ConvertTo(di, hn::Floor(hn::Min(hn::Max(rough, Set(-1.0F)), Set(32.0F))));
+    number = hn::Min(hn::Max(number, zero), surface.last_level[t_number]);
+    const auto half = [&](I size) HWY_ATTR {
+      const U shifted = hn::Shr(hn::BitCast(du, size), hn::BitCast(du, number));
+      return hn::Max(hn::BitCast(di, shifted), one);
+    };
+    const I width = half(surface.width[t_number]), height = half(surface.height[t_number]);
+    const I start = hn::GatherIndex(di, first + t_number * TextureLevels::kMost,
+                                    hn::Add(surface.levels, number));
+    const F x = hn::Sub(hn::Mul(u, Times(hn::ConvertTo(df, width), 1.0F / 65535.0F)), Set(0.5F));
+    const F y = hn::Sub(hn::Mul(v, Times(hn::ConvertTo(df, height), 1.0F / 65535.0F)), Set(0.5F));
+    const F x_floor = hn::Floor(x), y_floor = hn::Floor(y);
+    // weights of 1/256, and integers from here on
+    const I tx = hn::ConvertTo(di, Times(hn::Sub(x, x_floor), 256.0F));
+    const I ty = hn::ConvertTo(di, Times(hn::Sub(y, y_floor), 256.0F));
+    const I x_last = hn::Sub(width, one), y_last = hn::Sub(height, one);
+    const I x_int = hn::ConvertTo(di, x_floor), y_int = hn::ConvertTo(di, y_floor);
+    const auto between = hn::And(hn::Gt(x_int, hn::Set(di, -1)), hn::Lt(x_int, x_last));
+    const I column = hn::Add(start, hn::Min(hn::Max(x_int, zero), x_last));
+    const I y0 = hn::Min(hn::Max(y_int, zero), y_last);
+    const I y1 = hn::Min(hn::Max(hn::Add(y_int, one), zero), y_last);
+    hn::Store(hn::Add(column, hn::Mul(y0, width)), di, batch.texel[t_number][0] + k);
+    hn::Store(hn::Add(column, hn::Mul(y1, width)), di, batch.texel[t_number][1] + k);
+    hn::Store(hn::IfThenElseZero(between, tx), di, batch.wx[t_number] + k);
+    hn::Store(ty, di, batch.wy[t_number] + k);
+  }
 
-    // light
-    V3 n = Unit3(Add3(Scale3(corner.n0, b0), Add3(Scale3(corner.n1, b1), Scale3(corner.n2, b2))));
-    // a triangle seen from behind (double sided): its front is what was drawn counter-clockwise
-    const auto behind = hn::Lt(determinant, hn::Zero(df));
-    const F side = hn::IfThenElse(behind, Set(-1.0F), Set(1.0F));
-    n = Scale3(n, side);
-    const V3 to_eye = scene.orthographic ? Scale3(ray, Set(-1.0F)) : Unit3(Scale3(ray, Set(-1.0F)));
-    const V3 color =
-        Lit(scene, albedo, n, to_eye, hn::Sub(place.z, feet.z), hn::Sqrt(Dot3(place, place)));
-    hn::Store(color.x, df, items.rgb[0] + i);
-    hn::Store(color.y, df, items.rgb[1] + i);
-    hn::Store(color.z, df, items.rgb[2] + i);
+  for (std::size_t lane = k; lane < k + hn::Lanes(df); ++lane) {
+    for (int t_number = 0; t_number < (wants_mask ? 2 : 1); ++t_number) {
+      __builtin_prefetch(textures.texels.data() + batch.texel[t_number][0][lane]);
+      __builtin_prefetch(textures.texels.data() + batch.texel[t_number][1][lane]);
+    }
+  }
+
+  // light
+  V3 n = Unit3(Add3(Scale3(Octahedral(normal[0]), b0),
+                    Add3(Scale3(Octahedral(normal[1]), b1), Scale3(Octahedral(normal[2]), b2))));
+  // a triangle seen from behind (double sided): its front is what was drawn counter-clockwise
+  const auto behind = hn::Lt(determinant, hn::Zero(df));
+  const F side = hn::IfThenElse(behind, Set(-1.0F), Set(1.0F));
+  n = Scale3(n, side);
+  const V3 back = Sub3(eye, place);
+  const F length = hn::Sqrt(hn::Max(Dot3(back, back), Set(1e-30F)));
+  V3 to_eye = Scale3(back, hn::Div(Set(1.0F), length));
+  if (scene.orthographic) to_eye = Scale3(ray, hn::Neg(figure.scale));
+  const Light light =
+      LightOn(scene, figure.sun, n, to_eye, hn::Add(hn::Mul(place.z, figure.scale), figure.above));
+  hn::Store(light.on.x, df, batch.light[0] + k);
+  hn::Store(light.on.y, df, batch.light[1] + k);
+  hn::Store(light.on.z, df, batch.light[2] + k);
+  hn::Store(light.rim, df, batch.light[3] + k);
+  hn::Store(light.gloss, df, batch.light[4] + k);
+  hn::Store(hn::Mul(length, figure.scale), df, batch.light[5] + k);
+}
+
+/// The colours of the pixels from k on, into light[0] to light[2].
+HWY_INLINE void ShadeTexels(const SceneFrame& scene, const Surface& surface, bool wants_mask,
+                            std::size_t k, FigureBatch& batch) {
+  const FloatTag df;
+  const UintTag du;
+  const auto sample = [&](int t) HWY_ATTR {
+    U t00, t10, t01, t11;
+    hn::LoadInterleaved2(du, batch.pair[t][0][k], t00, t10);
+    hn::LoadInterleaved2(du, batch.pair[t][1][k], t01, t11);
+    const auto weight = [&](const std::int32_t* w)
+                            HWY_ATTR { return hn::BitCast(du, hn::Load(IntTag(), w + k)); };
+    return Mix(t00, t10, t01, t11, weight(batch.wx[t]), weight(batch.wy[t]));
+  };
+  const Rgba base = sample(0);
+  const V3 color{Linear(base.r), Linear(base.g), Linear(base.b)};
+  V3 albedo = color;
+  if (wants_mask) {
+    Rgba mask = sample(1);
+    mask.r = hn::Mul(mask.r, surface.has_mask);
+    mask.g = hn::Mul(mask.g, surface.has_mask);
+    mask.b = hn::Mul(mask.b, surface.has_mask);
+    mask.a = hn::Mul(mask.a, surface.has_mask);
+    albedo = Dyed(color, mask, surface.tints);
+  }
+  if (!hn::AllTrue(du, hn::Eq(surface.channel, hn::Set(du, kNoChannel)))) {
+    albedo = Colored(color, albedo, surface.channel);
+  }
+  const auto column = [&](int c) HWY_ATTR { return hn::Load(df, batch.light[c] + k); };
+  const V3 seen =
+      Seen(scene, albedo, {{column(0), column(1), column(2)}, column(3), column(4)}, column(5));
+  hn::Store(seen.x, df, batch.light[0] + k);
+  hn::Store(seen.y, df, batch.light[1] + k);
+  hn::Store(seen.z, df, batch.light[2] + k);
+}
+
+/// Texels of the batch's pixels, two neighbours at a time.
+HWY_INLINE void LoadTexels(const std::uint32_t* texels, bool wants_mask, std::size_t padded,
+                           FigureBatch& batch) {
+  for (int t = 0; t < (wants_mask ? 2 : 1); ++t) {
+    for (int row = 0; row < 2; ++row) {
+      for (std::size_t k = 0; k < padded; ++k) {
+        std::memcpy(batch.pair[t][row][k], texels + batch.texel[t][row][k], 8);
+      }
+    }
   }
 }
 
-void ShadeOwn(const SceneFrame& scene, const FrameGeometry& geometry, const InstanceShade* shades,
-              const TextureStore& textures, ShadeItems& items) {
-  ShadeWith(OwnFetch{geometry}, scene, shades, textures, items);
-}
-
-void ShadeShared(const SceneFrame& scene, const SharedMeshes& meshes, const InstanceShade* shades,
-                 const TextureStore& textures, ShadeItems& items) {
-  ShadeWith(SharedFetch{meshes}, scene, shades, textures, items);
+void ShadeFigures(const SceneFrame& scene, const FrameGeometry& geometry,
+                  const SharedMeshes& meshes, const InstanceShade* shades,
+                  const TextureStore& textures, const FigureItems& items, int tile_x_px,
+                  int tile_y_px, float* const rgb[3]) {
+  const FloatTag df;
+  const IntTag di;
+  const std::size_t lanes = hn::Lanes(df);
+  FigureBatch batch;
+  static_assert(sizeof(InstanceShade) == 48);
+  const auto add = [&](std::size_t from, std::size_t count) {
+    for (std::size_t k = 0; k < count; ++k) {
+      const FigureItems::Item& item = items.at(from + k);
+      const float weight = kSamplePlaces[item.samples].weight;
+      for (int c = 0; c < 3; ++c) rgb[c][item.pixel] += weight * batch.light[c][k];
+    }
+  };
+  for (const FigureItems::Group& group : items.groups()) {
+    if (group.count < FigureItems::kLeastAlone) continue;
+    const InstanceShade& shade = shades[group.instance];
+    const auto* shade_words = reinterpret_cast<const std::int32_t*>(&shade);
+    Frame frame{Set(1.0F), Set(0.0F), Set(1.0F), Set3(glm::vec3(0.0F)),
+                Set(-shade.feet_relative.z)};
+    if (group.is_shared != 0) {
+      const SharedShade& shared = meshes.shades[group.instance];
+      frame = {Set(shared.cosine_scale), Set(shared.sine_scale), Set(shared.scale),
+               Set3(shade.feet_relative), Set(0.0F)};
+    }
+    const Figure figure = FigureOf(scene, frame);
+    const std::size_t offset = shade.character * std::size_t{kLevelsWords};
+    const Surface surface = SurfaceOf(
+        textures, hn::Set(di, static_cast<std::int32_t>(shade.character)),
+        [&](const std::int32_t* words) HWY_ATTR { return hn::Set(di, words[offset]); },
+        [&](int word) HWY_ATTR { return hn::Set(di, shade_words[word]); });
+    const bool wants_mask =
+        textures.levels[shade.character].has_mask != 0 && shade.channel == kNoChannel;
+    for (std::size_t done = 0; done < group.count; done += kBatch) {
+      const std::size_t from = group.first + done;
+      const std::size_t count = std::min(kBatch, group.count - done);
+      const std::size_t padded = (count + lanes - 1) / lanes * lanes;
+      LoadBatch(geometry, meshes, shades, items, from, count, padded, false, tile_x_px, tile_y_px,
+                batch);
+      for (std::size_t k = 0; k < padded; k += lanes) {
+        ShadeGeometry(scene, textures, figure, surface, wants_mask, k, batch);
+      }
+      LoadTexels(textures.texels.data(), wants_mask, padded, batch);
+      for (std::size_t k = 0; k < padded; k += lanes) {
+        ShadeTexels(scene, surface, wants_mask, k, batch);
+      }
+      add(from, count);
+    }
+  }
+  for (std::size_t from = items.mixed(); from < items.count(); from += kBatch) {
+    const std::size_t count = std::min(kBatch, items.count() - from);
+    const std::size_t padded = (count + lanes - 1) / lanes * lanes;
+    LoadBatch(geometry, meshes, shades, items, from, count, padded, true, tile_x_px, tile_y_px,
+              batch);
+    const auto surface_at = [&](std::size_t k) HWY_ATTR {
+      const auto* words = reinterpret_cast<const std::int32_t*>(shades);
+      const I at =
+          hn::Mul(hn::Load(di, batch.instance + k), hn::Set(di, sizeof(InstanceShade) / 4));
+      const I character = hn::GatherIndex(di, words + 8, at);
+      const I levels = hn::Mul(character, hn::Set(di, kLevelsWords));
+      return SurfaceOf(
+          textures, character,
+          [&](const std::int32_t* first) HWY_ATTR { return hn::GatherIndex(di, first, levels); },
+          [&](int word) HWY_ATTR { return hn::GatherIndex(di, words + word, at); });
+    };
+    for (std::size_t k = 0; k < padded; k += lanes) {
+      const auto column = [&](int c) HWY_ATTR { return hn::Load(df, batch.frame[c] + k); };
+      const Frame frame{
+          column(0), column(1), column(2), {column(3), column(4), column(5)}, column(6)};
+      ShadeGeometry(scene, textures, FigureOf(scene, frame), surface_at(k), true, k, batch);
+    }
+    LoadTexels(textures.texels.data(), true, padded, batch);
+    for (std::size_t k = 0; k < padded; k += lanes) {
+      ShadeTexels(scene, surface_at(k), true, k, batch);
+    }
+    add(from, count);
+  }
 }
 
 void ShadeFlat(const SceneFrame& scene, const SharedMeshes& meshes, const InstanceShade* shades,
@@ -886,23 +1045,51 @@ TriangleTone tone_of(const TextureInfo& info, const TextureStore& textures, cons
 
 }  // namespace
 
-HWY_EXPORT(ShadeOwn);
-HWY_EXPORT(ShadeShared);
+HWY_EXPORT(ShadeFigures);
 HWY_EXPORT(ShadeFlat);
 HWY_EXPORT(ShadeSurface);
 HWY_EXPORT(ShadeBackground);
 HWY_EXPORT(ShadeBlob);
 HWY_EXPORT(EncodeRow);
 
-void shade_items(const SceneFrame& scene, const FrameGeometry& geometry,
-                 const InstanceShade* shades, const TextureStore& textures, ShadeItems& items) {
-  HWY_DYNAMIC_DISPATCH(ShadeOwn)(scene, geometry, shades, textures, items);
+void FigureItems::clear() {
+  for (std::size_t g = 0; g < group_count_; ++g) slots_[groups_[g].slot] = 0;
+  count_ = group_count_ = mixed_ = 0;
 }
 
-void shade_shared_items(const SceneFrame& scene, const SharedMeshes& meshes,
-                        const InstanceShade* shades, const TextureStore& textures,
-                        ShadeItems& items) {
-  HWY_DYNAMIC_DISPATCH(ShadeShared)(scene, meshes, shades, textures, items);
+std::uint32_t FigureItems::find(std::uint32_t instance, bool is_shared) {
+  std::uint32_t slot = (instance * 0x9e3779b1U) >> 19;
+  for (; slots_[slot] != 0; slot = (slot + 1) % kSlots) {
+    if (groups_[slots_[slot] - 1U].instance == instance) return slots_[slot] - 1U;
+  }
+  const auto group = static_cast<std::uint32_t>(group_count_++);
+  slots_[slot] = static_cast<std::uint16_t>(group + 1);
+  groups_[group] = {instance, is_shared ? 1U : 0U, 0, 0, slot};
+  return group;
+}
+
+void FigureItems::sort() {
+  std::uint32_t next = 0;
+  for (const bool alone : {true, false}) {
+    if (!alone) mixed_ = next;
+    for (std::size_t g = 0; g < group_count_; ++g) {
+      if ((groups_[g].count >= kLeastAlone) != alone) continue;
+      groups_[g].first = next;
+      next += groups_[g].count;
+    }
+  }
+  for (std::size_t i = 0; i < count_; ++i) {
+    order_[groups_[group_[i]].first++] = static_cast<std::uint16_t>(i);
+  }
+  for (std::size_t g = 0; g < group_count_; ++g) groups_[g].first -= groups_[g].count;
+}
+
+void shade_figures(const SceneFrame& scene, const FrameGeometry& geometry,
+                   const SharedMeshes& meshes, const InstanceShade* shades,
+                   const TextureStore& textures, const FigureItems& items, int tile_x_px,
+                   int tile_y_px, float* const rgb[3]) {
+  HWY_DYNAMIC_DISPATCH(ShadeFigures)
+  (scene, geometry, meshes, shades, textures, items, tile_x_px, tile_y_px, rgb);
 }
 
 void shade_flat_items(const SceneFrame& scene, const SharedMeshes& meshes,

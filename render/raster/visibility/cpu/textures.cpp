@@ -9,6 +9,29 @@
 
 namespace throng::render::visibility {
 
+TextureLevels levels_of(const TextureInfo& info) {
+  TextureLevels levels{};
+  const auto fill = [&levels](int t, std::int32_t first, std::int32_t width, std::int32_t height,
+                              std::int32_t count) {
+    levels.width[t] = width;
+    levels.height[t] = height;
+    levels.last_level[t] = count - 1;
+    while ((width >> (levels.log2_width[t] + 1)) != 0) ++levels.log2_width[t];
+    for (std::int32_t level = 0; level < count; ++level) {
+      levels.first[t][level] = first;
+      first += std::max(1, width >> level) * std::max(1, height >> level);
+    }
+  };
+  fill(0, info.base_first, info.base_width, info.base_height, info.base_levels);
+  levels.has_mask = info.mask_first >= 0 ? 1 : 0;
+  if (levels.has_mask != 0) {
+    fill(1, info.mask_first, info.mask_width, info.mask_height, info.mask_levels);
+  } else {
+    fill(1, 0, 1, 1, 1);
+  }
+  return levels;
+}
+
 absl::StatusOr<TextureStore> make_textures(const Cast& cast) {
   TextureStore store;
   try {
@@ -55,7 +78,9 @@ absl::StatusOr<TextureStore> make_textures(const Cast& cast) {
                                                          0x7fffffff));
       }
       store.infos.push_back(info);
+      store.levels.push_back(levels_of(info));
     }
+    store.texels.push_back(0);
   } catch (const std::bad_alloc&) {
     return absl::ResourceExhaustedError("visibility upload: no memory for the cast's textures");
   }

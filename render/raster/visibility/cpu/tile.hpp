@@ -12,8 +12,9 @@
 
 namespace throng::render::visibility {
 
-inline constexpr int kTileSamples = 64;  // a side
-inline constexpr int kCellSamples = 8;   // a side of a cell of the depth pyramid
+inline constexpr int kTileSamples = 64;           // a side
+inline constexpr int kTilePx = kTileSamples / 2;  // two samples a pixel and axis
+inline constexpr int kCellSamples = 8;            // a side of a cell of the depth pyramid
 inline constexpr int kCells = kTileSamples / kCellSamples;
 
 /// Samples of one tile, in 4x4 blocks of 16 consecutive values (one cache line a plane), blocks row
@@ -70,12 +71,10 @@ struct TriangleList {
   struct Range {
     std::uint32_t first, count;
   };
-  /// Corner 0, and the steps from it to corners 1 and 2 (x in the low half).
-  struct Place {
+  /// Corner 0, the steps from it to corners 1 and 2 (x in the low half), depths. Half a cache line.
+  struct alignas(32) Small {
     std::int32_t x0, y0;
     std::uint32_t step1, step2;
-  };
-  struct Depths {
     float z[3];
     std::uint32_t triangle;
   };
@@ -86,12 +85,11 @@ struct TriangleList {
     std::uint32_t triangle;
   };
   std::vector<std::uint32_t> low, high;  // the samples' box: x in the low half, inclusive
-  std::vector<Place> places;
-  std::vector<Depths> depths;
+  std::vector<Small> small;
   std::size_t used = 0;
   std::vector<Large> large;
   std::size_t size_bytes() const {
-    return low.capacity() * (2 * sizeof(std::uint32_t) + sizeof(Place) + sizeof(Depths)) +
+    return low.capacity() * (2 * sizeof(std::uint32_t) + sizeof(Small)) +
            large.capacity() * sizeof(Large);
   }
 };

@@ -739,22 +739,26 @@ HWY_NOINLINE void ListSurvivors(const Survivors& survivors, std::size_t from, st
     const std::size_t size = std::max<std::size_t>(4096, 2 * at);
     list.low.resize(size);
     list.high.resize(size);
-    list.places.resize(size);
-    list.depths.resize(size);
+    list.small.resize(size);
   }
   const auto pair = [&](Int a, Int b) HWY_ATTR {
     return hn::Or(hn::And(a, hn::Set(di, 0xffff)), hn::ShiftLeft<16>(b));
   };
   hn::StoreU(hn::BitCast(du, pair(box.x_low, box.y_low)), du, list.low.data() + at);
   hn::StoreU(hn::BitCast(du, pair(box.x_high, box.y_high)), du, list.high.data() + at);
-  hn::StoreInterleaved4(x0, y0, pair(hn::Sub(x1, x0), hn::Sub(y1, y0)),
-                        pair(hn::Sub(x2, x0), hn::Sub(y2, y0)), di,
-                        reinterpret_cast<std::int32_t*>(list.places.data() + at));
   const auto z0 = hn::GatherIndex(df, depths, column(survivors.v0));
   const auto z1 = hn::GatherIndex(df, depths, column(survivors.v1));
   const auto z2 = hn::GatherIndex(df, depths, column(survivors.v2));
-  hn::StoreInterleaved4(z0, z1, z2, hn::BitCast(df, column(survivors.triangle)), df,
-                        reinterpret_cast<float*>(list.depths.data() + at));
+  HWY_ALIGN std::int32_t places[4 * kMaxLanes], depth_words[4 * kMaxLanes];
+  hn::StoreInterleaved4(x0, y0, pair(hn::Sub(x1, x0), hn::Sub(y1, y0)),
+                        pair(hn::Sub(x2, x0), hn::Sub(y2, y0)), di, places);
+  hn::StoreInterleaved4(hn::BitCast(di, z0), hn::BitCast(di, z1), hn::BitCast(di, z2),
+                        column(survivors.triangle), di, depth_words);
+  for (std::size_t lane = 0; lane < valid; ++lane) {
+    auto* record = reinterpret_cast<char*>(&list.small[at + lane]);
+    std::memcpy(record, places + 4 * lane, 16);
+    std::memcpy(record + 16, depth_words + 4 * lane, 16);
+  }
   list.used += valid;
   const auto counts = hn::FirstN(di, valid);
   const auto least = [&](Int v) HWY_ATTR {
@@ -857,20 +861,22 @@ void DrawListed(const TriangleList& list, TriangleList::Range small, TriangleLis
   const auto tile_high = hn::Or(both(tile_x + kTileSamples - 1, tile_y + kTileSamples - 1), tops);
   const auto corner_x = hn::Set(di, tile_x * element::kSubUnit);
   const auto corner_y = hn::Set(di, tile_y * element::kSubUnit);
-  HWY_ALIGN std::uint32_t chosen[2 * kMaxLanes];
-  HWY_ALIGN TriangleList::Place places[kMaxLanes];
-  HWY_ALIGN TriangleList::Depths depths[kMaxLanes];
+  // far enough ahead for the records to come from memory
+  constexpr std::size_t kAhead = 4 * kMaxLanes;
+  HWY_ALIGN std::uint32_t chosen[kAhead + kMaxLanes];
+  HWY_ALIGN std::int32_t places[4 * kMaxLanes], depths[4 * kMaxLanes];
   Survivors columns;
   std::size_t pending = 0;
   const auto draw = [&](std::size_t from, std::size_t valid) HWY_ATTR {
     for (std::size_t lane = 0; lane < lanes; ++lane) {
-      const std::uint32_t i = chosen[from + std::min(lane, valid - 1)];
-      places[lane] = list.places[i];
-      depths[lane] = list.depths[i];
+      const auto* record =
+          reinterpret_cast<const char*>(&list.small[chosen[from + std::min(lane, valid - 1)]]);
+      std::memcpy(places + 4 * lane, record, 16);
+      std::memcpy(depths + 4 * lane, record + 16, 16);
     }
     Int x0, y0, step1, step2, z0, z1, z2, triangle;
-    hn::LoadInterleaved4(di, reinterpret_cast<const std::int32_t*>(places), x0, y0, step1, step2);
-    hn::LoadInterleaved4(di, reinterpret_cast<const std::int32_t*>(depths), z0, z1, z2, triangle);
+    hn::LoadInterleaved4(di, places, x0, y0, step1, step2);
+    hn::LoadInterleaved4(di, depths, z0, z1, z2, triangle);
     x0 = hn::Sub(x0, corner_x);
     y0 = hn::Sub(y0, corner_y);
     const auto x_step = [&](Int step)
@@ -901,13 +907,20 @@ void DrawListed(const TriangleList& list, TriangleList::Range small, TriangleLis
     if (kept == 0) continue;
     const auto number = hn::Add(hn::Iota(du, 0), hn::Set(du, static_cast<std::uint32_t>(at)));
     hn::StoreU(hn::Compress(number, hn::RebindMask(du, here)), du, chosen + pending);
+    for (std::size_t k = 0; k < kept; ++k) {
+      __builtin_prefetch(&list.small[chosen[pending + k]]);
+    }
     pending += kept;
-    if (pending >= lanes) {
-      pending -= lanes;
-      draw(pending, lanes);
+    if (pending >= kAhead) {
+      const std::size_t whole = pending / lanes * lanes;
+      for (std::size_t from = 0; from < whole; from += lanes) draw(from, lanes);
+      std::copy(chosen + whole, chosen + pending, chosen);
+      pending -= whole;
     }
   }
-  if (pending > 0) draw(0, pending);
+  for (std::size_t from = 0; from < pending; from += lanes) {
+    draw(from, std::min(lanes, pending - from));
+  }
   for (std::uint32_t i = 0; i < large.count; ++i) {
     const TriangleList::Large& one = list.large[large.first + i];
     const auto corner = [&](int k) {
