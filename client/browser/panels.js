@@ -51,6 +51,10 @@ const ms = value => `${value < 10 ? value.toFixed(1) : Math.round(value)} ms`;
 /** @param {number} value */
 const many = value => value >= 1e6 ? `${(value / 1e6).toFixed(2)} M` : value >= 1e4 ? `${Math.round(value / 1e3)} k` : String(value);
 
+/** Rows of what there is any of.
+ * @param {[string, number|undefined][]} counts @returns {[string, string][]} */
+const rowsOf = counts => counts.filter(([, count]) => count).map(([name, count]) => [name, many(count ?? 0)]);
+
 /** @param {import('./view.js').View} view @param {number} bytesPerSecond @param {string} raster */
 export function showStats(view, bytesPerSecond, raster) {
   const header = view.header;
@@ -71,7 +75,8 @@ export function showStats(view, bytesPerSecond, raster) {
     ['Encoding', ms(times.encodeMs ?? 0)],
     ['Agents', many(stats.agents ?? 0), true],
     ['In view', many(stats.visible ?? 0)],
-    ['As meshes', many(stats.visible ?? 0)],
+    ['As meshes', many(stats.asMeshes ?? 0)],
+    ...rowsOf([['As impostors', stats.asImpostors], ['As points', stats.asPoints], ['Under a pixel', stats.leftOut]]),
     ['Triangles', many(Number(stats.triangles ?? 0))],
     ['Vertices', `${many(Number(stats.vertices ?? 0))} of ${many(Number(stats.effectiveBudget ?? stats.vertexBudget ?? 0))}`],
     ['Picture', `${header.widthPx}×${header.heightPx}`, true],

@@ -283,6 +283,13 @@ void fill_stats(const EncodedFrame& frame, v1::FrameStats& message) {
   message.set_triangles(counters.triangles);
   message.set_vertex_budget(frame.vertex_budget);
   message.set_effective_budget(counters.effective_budget);
+  const auto drawn_as = [&counters](render::Representation form) {
+    return counters.drawn_as[static_cast<std::size_t>(form)];
+  };
+  message.set_as_meshes(drawn_as(render::Representation::kMesh));
+  message.set_as_impostors(drawn_as(render::Representation::kImpostor));
+  message.set_as_points(drawn_as(render::Representation::kPoints));
+  message.set_left_out(drawn_as(render::Representation::kNone));
 }
 
 void fill_frame(const OutgoingFrame& outgoing, v1::StreamViewResponse& message) {

@@ -39,6 +39,7 @@ constexpr const char* kFooter = R"(Examples:
   throng-bench paper --selection-camera main.json --reference-camera far.json -o figure5.png
   throng-bench paper --figure 7 --counts 1000,5000,20000
   throng-bench peng2011 --most 8192
+  throng-bench beacco2010 --counts 100,1000 --pictures out
   throng-bench quality --agents 1000 --budgets 0.25,1 --pictures out
   throng-bench raster                                 visibility against OpenGL on llvmpipe
   throng-bench gpu --json gpu.json                    visibility on a CUDA device
@@ -93,6 +94,8 @@ struct Flags {
   Common common;
   PaperOptions paper;
   PengOptions peng;
+  BeaccoOptions beacco;
+  MixedOptions mixed;
   QualityOptions quality;
   RasterOptions raster_pairs;
 };
@@ -209,6 +212,42 @@ int run(int argc, char** argv) {
   peng->add_option("--pictures", flags.peng.pictures, "Write a picture of each row as PNG")
       ->type_name("DIR");
 
+  CLI::App* beacco = app.add_subcommand(
+      "beacco2010", "Beacco 2010, figures 4.1, 4.2 and 4.7 to 4.9: relief impostors");
+  add_common(*beacco, flags);
+  beacco->add_option("--frames", flags.beacco.frames, "Frames of each row")
+      ->capture_default_str()
+      ->check(CLI::Range(1U, 1000U));
+  beacco->add_option("--counts", flags.beacco.counts, "Numbers of agents")
+      ->delimiter(',')
+      ->capture_default_str()
+      ->check(CLI::Range(1U, 100'000U))
+      ->type_name("I,I,...");
+  beacco->add_option("--pictures", flags.beacco.pictures, "Write the figures' pictures as PNG")
+      ->type_name("DIR");
+
+  CLI::App* mixed =
+      app.add_subcommand("mixed", "The mixed frame against every single form, by quality and time");
+  add_common(*mixed, flags);
+  mixed->add_option("--agents", flags.mixed.agents, "Instances in the crowd")
+      ->capture_default_str()
+      ->check(CLI::Range(1U, 4'000'000U));
+  mixed->add_option("--budgets", flags.mixed.budgets_million, "Vertex budgets of meshes, millions")
+      ->delimiter(',')
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 1000.0))
+      ->type_name("N,N,...");
+  mixed->add_option("--errors", flags.mixed.errors_px, "What the mixed frame may be off by, px")
+      ->delimiter(',')
+      ->capture_default_str()
+      ->check(CLI::Range(0.001, 100.0))
+      ->type_name("E,E,...");
+  mixed->add_option("--places", flags.mixed.places, "Places of the walkthrough, 2 frames each")
+      ->capture_default_str()
+      ->check(CLI::Range(1U, 500U));
+  mixed->add_option("--pictures", flags.mixed.pictures, "Write what is compared as PNG")
+      ->type_name("DIR");
+
   CLI::App* quality =
       app.add_subcommand("quality", "PSNR, SSIM and flicker of budgets against full detail");
   add_common(*quality, flags);
@@ -269,7 +308,9 @@ int run(int argc, char** argv) {
     if (flags.size.empty()) flags.size = "640x360";
     if (paper->count("--budgets") == 0) flags.paper.budgets_million = {1, 6, 10};
   }
-  if (flags.size.empty()) flags.size = *raster || *gpu ? "1920x1088" : "1280x720";
+  if (flags.size.empty()) {
+    flags.size = *raster || *gpu ? "1920x1088" : *beacco ? "1280x1024" : "1280x720";
+  }
   if (!parse_size(flags.size, flags.common.viewport)) {
     return usage("--size: '" + flags.size + "' must be WxH with 1 to 16384 px a side");
   }
@@ -325,6 +366,8 @@ int run(int argc, char** argv) {
   }
   if (*gpu) status = run_gpu(flags.common, draws);
   if (*all) status = run_all(flags.common, json_dir);
+  if (*mixed) status = run_mixed(flags.common, flags.mixed);
+  if (*beacco) status = run_beacco2010(flags.common, flags.beacco);
   if (*peng) status = run_peng2011(flags.common, flags.peng);
   if (*quality) status = run_quality(flags.common, flags.quality);
   if (*raster) status = run_raster(flags.common, flags.raster_pairs);

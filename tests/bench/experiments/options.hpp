@@ -26,6 +26,8 @@ struct Form {
   const char* name;
   render::GeometryKind geometry;
   render::PoseMode pose;
+  render::FormRule rule = render::FormRule::kMesh;
+  float error_px = 0.5F;  // of kMixed
 };
 /// The published method: each agent in its own pose, all of them in one batched buffer.
 inline constexpr Form kBatched{"batched, exact", render::GeometryKind::kBatched,
@@ -66,6 +68,20 @@ struct PengOptions {
   std::string pictures;        // folder, empty: none
 };
 
+struct BeaccoOptions {
+  std::vector<std::uint32_t> counts{50, 100, 250, 500, 1000, 2000, 5000};
+  std::uint32_t frames = 3;
+  std::string pictures;  // folder, empty: none
+};
+
+struct MixedOptions {
+  std::uint32_t agents = 1000;
+  std::vector<double> budgets_million{0.5, 1, 2, 4};
+  std::vector<double> errors_px{0.1, 0.2, 0.35, 0.5};
+  std::uint32_t places = 2;  // of the walkthrough, two consecutive frames each
+  std::string pictures;      // folder, empty: none
+};
+
 struct QualityOptions {
   std::uint32_t agents = 1000;
   std::vector<double> budgets_million{0.1, 0.25, 0.5, 1, 2};
@@ -93,6 +109,12 @@ absl::Status run_figure7(const Common& common, const PaperOptions& options);
 
 /// Peng et al. 2011, tables 1 and 2 and figure 5.
 absl::Status run_peng2011(const Common& common, const PengOptions& options);
+
+/// Beacco 2010: figures 4.1, 4.2, 4.7, 4.8 and 4.9.
+absl::Status run_beacco2010(const Common& common, const BeaccoOptions& options);
+
+/// The mixed frame against every single form, by SSIM, flicker and CPU time.
+absl::Status run_mixed(const Common& common, const MixedOptions& options);
 
 /// PSNR, SSIM and flicker of budgets (design: quality is measured).
 absl::Status run_quality(const Common& common, const QualityOptions& options);

@@ -123,6 +123,7 @@ absl::StatusOr<Reference::Frame> Reference::draw(const render::Crowd& crowd, std
                                                  const render::ViewSettings& view) {
   render::ViewSettings full = view;
   full.selection.rule = render::LodRule::kBudget;
+  full.selection.form = render::FormRule::kMesh;
   full.pose_mode = render::PoseMode::kExact;
   full.selection.vertex_budget = 0;
   render::Picture large;
@@ -240,6 +241,8 @@ absl::Status judge_places(const Common& common, const Places& places, std::vecto
       for (std::size_t w = 0; w < ways.size(); ++w) {
         view.selection.vertex_budget = ways[w].budget;
         view.pose_mode = ways[w].form.pose;
+        view.selection.form = ways[w].form.rule;
+        view.selection.mixed.error_px = ways[w].form.error_px;
         render::FramePipeline& pipeline = *pipelines[ways[w].form.geometry];
         if (auto status = measure_frame(pipeline, crowd, time_us, view, jpeg, frames[w][i].picture,
                                         ways[w].measured);
