@@ -16,6 +16,7 @@
 #include "render/raster/gl/cuda_interop.hpp"
 #include "render/raster/gl/egl_context.hpp"
 #include "render/raster/gl/program.hpp"
+#include "render/raster/gl/relief_pass.hpp"
 #include "render/raster/gl/shaders.hpp"
 #include "render/raster/scene.hpp"
 #include "render/raster/smooth_edges.hpp"
@@ -115,6 +116,7 @@ class GlRasterizer final : public Rasterizer {
     vertices_.release();
     indices_.release();
     instances_.release();
+    reliefs_.release();
     const GLuint textures[] = {base_color_, tint_mask_};
     glDeleteTextures(2, textures);
     glDeleteBuffers(1, &uniforms_);
@@ -170,6 +172,7 @@ class GlRasterizer final : public Rasterizer {
       *one.program = *program;
     }
     if (auto status = compile_agents(ShaderOptions{}); !status.ok()) return status;
+    if (auto status = reliefs_.prepare(); !status.ok()) return status;
 
     glCreateBuffers(1, &uniforms_);
     glNamedBufferStorage(uniforms_, sizeof(FrameUniforms), nullptr, GL_DYNAMIC_STORAGE_BIT);
@@ -201,6 +204,8 @@ class GlRasterizer final : public Rasterizer {
             absl::StrCat(context_->vendor(), ", ", context_->renderer(), ", OpenGL ",
                          context_->version(), interop_note_)};
   }
+
+  bool draws(Representation form) const override { return form <= Representation::kImpostor; }
 
   absl::Status upload(std::shared_ptr<const Cast> cast) override {
     if (cast == nullptr || cast->members.empty()) {
@@ -243,6 +248,7 @@ class GlRasterizer final : public Rasterizer {
       return absl::ResourceExhaustedError("gl upload: no memory for the cast's textures");
     }
     if (auto status = compile_agents(options); !status.ok()) return status;
+    if (auto status = reliefs_.upload(*cast); !status.ok()) return status;
     cast_ = std::move(cast);
     return gl_failed("upload");
   }
@@ -284,6 +290,10 @@ class GlRasterizer final : public Rasterizer {
 
       const SceneFrame scene = make_scene_frame(camera, viewport, origin_world, look);
       if (auto status = stage(geometry, scene, look); !status.ok()) return status;
+      if (auto status = reliefs_.stage(geometry, scene.px_per_tangent, scene.orthographic);
+          !status.ok()) {
+        return status;
+      }
 
       const bool whole = viewport.width_px <= kTargetMaxSidePx &&
                          viewport.height_px <= kTargetMaxSidePx &&
@@ -295,7 +305,8 @@ class GlRasterizer final : public Rasterizer {
           const Tile tile{x, y, std::min(tile_width, viewport.width_px - x),
                           std::min(tile_height, viewport.height_px - y)};
           set_uniforms(tile, camera, viewport, scene);
-          if (auto status = draw_tile(geometry, tile, scene.shadows, picture); !status.ok()) {
+          if (auto status = draw_tile(geometry, tile, scene.shadows, look.relief_search, picture);
+              !status.ok()) {
             return status;
           }
         }
@@ -540,7 +551,7 @@ class GlRasterizer final : public Rasterizer {
   }
 
   absl::Status draw_tile(const FrameGeometry& geometry, const Tile& tile, bool shadows,
-                         Picture& picture) {
+                         const ReliefSearch& search, Picture& picture) {
     auto found = target(tile.width_px, tile.height_px);
     if (!found.ok()) return found.status();
     const Target& target = **found;
@@ -576,6 +587,8 @@ class GlRasterizer final : public Rasterizer {
       glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(geometry.indices.size()), GL_UNSIGNED_INT,
                      nullptr);
     }
+
+    reliefs_.draw(search);
 
     // Shadows: the largest one at each sample, in alpha.
     glDepthMask(GL_FALSE);
@@ -625,6 +638,7 @@ class GlRasterizer final : public Rasterizer {
   GLuint agents_ = 0, blobs_ = 0, cast_shadows_ = 0, background_ = 0;
   GLuint mesh_array_ = 0, empty_array_ = 0, uniforms_ = 0, base_color_ = 0, tint_mask_ = 0;
   MappedBuffer vertices_, indices_, instances_;
+  ReliefPass reliefs_;
   std::unique_ptr<CudaInterop> interop_;  // null: vertices come from the host
   std::string interop_note_;
   bool on_device_ = false;                         // what is drawn now

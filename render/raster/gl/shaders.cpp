@@ -81,6 +81,40 @@ void main() {
 }
 )";
 
+// Sun, sky, rim and gloss, haze and tone map: of a place of an agent's surface.
+constexpr char kLight[] = R"(
+vec3 lit_color(vec3 albedo, vec3 n, vec3 position, float ao) {
+  vec3 sun = frame.sun_direction.xyz;
+  vec3 to_eye = frame.horizon_color.w > 0.5 ? -frame.ray_direction.xyz : -normalize(position);
+
+  // wrapped diffuse: skin and cloth scatter a little light past the edge of the shade
+  float facing = clamp((dot(n, sun) + 0.22) * (1.0 / 1.22), 0.0, 1.0);
+  facing *= mix(facing, 1.0, 0.6);
+  vec3 sky_share = mix(frame.ground_light.rgb, frame.sky_color.rgb, 0.5 + 0.5 * n.z);
+  vec3 light = frame.sun_color.rgb * (facing * mix(0.75, 1.0, ao)) + sky_share * ao;
+
+  float edge = 1.0 - clamp(dot(n, to_eye), 0.0, 1.0);
+  float rim = edge * edge * edge * (0.35 + 0.65 * n.z * n.z) * 0.16;
+  vec3 half_way = normalize(sun + to_eye);
+  float gloss = clamp(dot(n, half_way), 0.0, 1.0);
+  gloss *= gloss; gloss *= gloss; gloss *= gloss; gloss *= gloss;
+  vec3 lit = albedo * light + frame.sky_color.rgb * (rim * ao) + frame.sun_color.rgb * (gloss * facing * 0.035);
+  return tone_map(haze(lit, frame.horizon_color.w > 0.5 ? 0.0 : length(position)));
+}
+
+// The tints of an instance on what its mask weighs.
+vec3 tinted(vec3 albedo, vec4 mask, uvec4 tints) {
+  vec3 tint = mask.r * unpack_color(tints.x) + mask.g * unpack_color(tints.y) +
+              mask.b * unpack_color(tints.z) + mask.a * unpack_color(tints.w);
+  return albedo * (max(0.0, 1.0 - dot(mask, vec4(1.0))) + 2.0 * tint);  // element::pack_tint stores halves
+}
+
+// The channel's colour with a hint of the texture, so that the figure stays readable.
+vec3 channel_color(uint channel, vec3 base) {
+  return unpack_color(channel) * (0.55 + 0.45 * sqrt(dot(base, vec3(0.2126, 0.7152, 0.0722))));
+}
+)";
+
 constexpr char kAgentFragment[] = R"(
 in vec3 v_position;
 in vec3 v_normal;
@@ -98,39 +132,184 @@ void main() {
   vec3 albedo = base.rgb;
   uint channel = instances[v_visible].channel;
   if (channel != 0xffffffffu) {
-    // keep a hint of the texture, so that the figure stays readable
-    albedo = unpack_color(channel) * (0.55 + 0.45 * sqrt(dot(base.rgb, vec3(0.2126, 0.7152, 0.0722))));
+    albedo = channel_color(channel, base.rgb);
   } else {
 #ifdef TINT_MASK
-    vec4 mask = texture(tint_mask, vec3(v_uv_ao.xy, layer));
-    uvec4 tints = instances[v_visible].tints;
-    vec3 tint = mask.r * unpack_color(tints.x) + mask.g * unpack_color(tints.y) +
-                mask.b * unpack_color(tints.z) + mask.a * unpack_color(tints.w);
-    tint = max(0.0, 1.0 - dot(mask, vec4(1.0))) + 2.0 * tint;  // element::pack_tint stores halves
-    albedo *= tint;
+    albedo = tinted(albedo, texture(tint_mask, vec3(v_uv_ao.xy, layer)), instances[v_visible].tints);
 #endif
   }
   vec3 n = normalize(v_normal);
 #ifdef TWO_SIDED
   if (!gl_FrontFacing) n = -n;
 #endif
-  vec3 sun = frame.sun_direction.xyz;
-  vec3 to_eye = frame.horizon_color.w > 0.5 ? -frame.ray_direction.xyz : -normalize(v_position);
-  float ao = v_uv_ao.z;
+  color = vec4(lit_color(albedo, n, v_position, v_uv_ao.z), 1.0);
+}
+)";
 
-  // wrapped diffuse: skin and cloth scatter a little light past the edge of the shade
-  float facing = clamp((dot(n, sun) + 0.22) * (1.0 / 1.22), 0.0, 1.0);
-  facing *= mix(facing, 1.0, 0.6);
-  vec3 sky_share = mix(frame.ground_light.rgb, frame.sky_color.rgb, 0.5 + 0.5 * n.z);
-  vec3 light = frame.sun_color.rgb * (facing * mix(0.75, 1.0, ao)) + sky_share * ao;
+// Mirrors ReliefBox of relief.hpp and DrawnBox of relief_pass.hpp.
+constexpr char kImpostors[] = R"(
+layout(std430, binding = 2) readonly buffer Boxes { uint boxes[]; };      // 32 words each
+layout(std430, binding = 3) readonly buffer Shape { uint shape[]; };
+layout(std430, binding = 4) readonly buffer Base { uint base_color[]; };
+layout(std430, binding = 5) readonly buffer Regions { uint regions[]; };
+struct DrawnBox {
+  uint instance, box, first_joint;
+  float px_per_m;
+  float cosine_scale, sine_scale, scale, reserved;
+};
+layout(std430, binding = 6) readonly buffer Drawn { DrawnBox drawn[]; };
+layout(std430, binding = 7) readonly buffer Joints { mat4 joints[]; };
+)";
 
-  float edge = 1.0 - clamp(dot(n, to_eye), 0.0, 1.0);
-  float rim = edge * edge * edge * (0.35 + 0.65 * n.z * n.z) * 0.16;
-  vec3 half_way = normalize(sun + to_eye);
-  float gloss = clamp(dot(n, half_way), 0.0, 1.0);
-  gloss *= gloss; gloss *= gloss; gloss *= gloss; gloss *= gloss;
-  vec3 lit = albedo * light + frame.sky_color.rgb * (rim * ao) + frame.sun_color.rgb * (gloss * facing * 0.035);
-  color = vec4(tone_map(haze(lit, frame.horizon_color.w > 0.5 ? 0.0 : length(v_position))), 1.0);
+constexpr char kImpostorVertex[] = R"(
+flat out uint v_drawn;
+flat out vec4 v_row0, v_row1, v_row2;  // to the box's frame from relative
+flat out vec3 v_size_px;
+out vec3 v_position;
+
+vec3 box_vector(uint at) {
+  return vec3(uintBitsToFloat(boxes[at]), uintBitsToFloat(boxes[at + 1u]), uintBitsToFloat(boxes[at + 2u]));
+}
+vec3 turned(vec3 v, DrawnBox d) {
+  return vec3(v.x * d.cosine_scale - v.y * d.sine_scale, v.x * d.sine_scale + v.y * d.cosine_scale, v.z * d.scale);
+}
+
+void main() {
+  // a corner for each of 36: six faces of two triangles
+  const int corners[36] = int[36](0, 1, 3, 0, 3, 2, 4, 6, 7, 4, 7, 5, 0, 4, 5, 0, 5, 1,
+                                  2, 3, 7, 2, 7, 6, 0, 2, 6, 0, 6, 4, 1, 5, 7, 1, 7, 3);
+  DrawnBox d = drawn[gl_InstanceID];
+  uint at = 32u * d.box;
+  mat4 joint = joints[d.first_joint + boxes[at]];
+  vec3 origin = instances[d.instance].feet.xyz +
+                turned(mat3(joint) * box_vector(at + 1u) + joint[3].xyz, d);
+  vec3 side[3];
+  for (int a = 0; a < 3; ++a) {
+    vec3 own = box_vector(at + 4u + 3u * uint(a));
+    v_size_px[a] = length(own) * d.px_per_m;
+    side[a] = turned(mat3(joint) * own, d);
+  }
+  float volume = dot(side[0], cross(side[1], side[2]));
+  vec3 row0 = cross(side[1], side[2]) / volume, row1 = cross(side[2], side[0]) / volume,
+       row2 = cross(side[0], side[1]) / volume;
+  v_row0 = vec4(row0, -dot(row0, origin));
+  v_row1 = vec4(row1, -dot(row1, origin));
+  v_row2 = vec4(row2, -dot(row2, origin));
+  v_drawn = uint(gl_InstanceID);
+  int corner = corners[gl_VertexID];
+  v_position = origin + side[0] * float(corner & 1) + side[1] * float((corner >> 1) & 1) +
+               side[2] * float(corner >> 2);
+  gl_Position = frame.clip_from_relative * vec4(v_position, 1.0);
+}
+)";
+
+constexpr char kImpostorFragment[] = R"(
+flat in uint v_drawn;
+flat in vec4 v_row0, v_row1, v_row2;
+flat in vec3 v_size_px;
+in vec3 v_position;
+layout(location = 0) uniform ivec3 steps;  // linear, binary, adaptive
+layout(location = 0) out vec4 color;
+
+struct Level { uint first; ivec2 size; };
+
+uint texel_at(Level level, vec2 uv) {
+  ivec2 place = clamp(ivec2(floor(uv * vec2(level.size))), ivec2(0), level.size - 1);
+  return level.first + uint(place.y * level.size.x + place.x);
+}
+Level coarser(Level level) {
+  level.first += uint(level.size.x * level.size.y);
+  level.size = max(level.size / 2, ivec2(1));
+  return level;
+}
+bool is_finer(Level level, float texels) {
+  return float(level.size.x * level.size.y) > texels && (level.size.x > 1 || level.size.y > 1);
+}
+
+void main() {
+  DrawnBox d = drawn[v_drawn];
+  vec2 pixel = gl_FragCoord.xy + frame.grid.zw;
+  vec3 origin = frame.ray_origin.xyz + frame.ray_origin_x.xyz * pixel.x + frame.ray_origin_y.xyz * pixel.y;
+  vec3 ray = frame.ray_direction.xyz + frame.ray_direction_x.xyz * pixel.x + frame.ray_direction_y.xyz * pixel.y;
+  vec3 at = vec3(dot(v_row0.xyz, origin) + v_row0.w, dot(v_row1.xyz, origin) + v_row1.w,
+                 dot(v_row2.xyz, origin) + v_row2.w);
+  vec3 along = vec3(dot(v_row0.xyz, ray), dot(v_row1.xyz, ray), dot(v_row2.xyz, ray));
+  along = mix(along, vec3(1e-9), lessThan(abs(along), vec3(1e-9)));
+  vec3 t0 = -at / along, t1 = (1.0 - at) / along;
+  vec3 from = min(t0, t1), to = max(t0, t1);
+  float t_in = max(from.x, max(from.y, from.z)), t_out = min(to.x, min(to.y, to.z));
+  // of the two faces that a ray meets the far one draws, so that an eye within the box sees it
+  float t_here = dot(v_position - origin, ray) / dot(ray, ray);
+  if (t_in >= t_out || abs(t_here - t_in) < abs(t_here - t_out)) discard;
+  int axis = from.x >= from.y ? (from.x >= from.z ? 0 : 2) : (from.y >= from.z ? 1 : 2);
+  if (frame.horizon_color.w < 0.5) t_in = max(t_in, 1e-3);
+  bool is_far = along[axis] < 0.0;
+  int u_axis = (axis + 1) % 3, v_axis = (axis + 2) % 3;
+  uint face = 32u * d.box + 13u + 2u * uint(2 * axis + (is_far ? 1 : 0));
+  float area_px = max(v_size_px[u_axis] * v_size_px[v_axis], 1e-6);
+  Level level = Level(boxes[face], ivec2(boxes[face + 1u] & 0xffffu, boxes[face + 1u] >> 16));
+  while (is_finer(level, 12.0 * area_px)) level = coarser(level);
+
+  int linear = steps.x, binary = steps.y;
+  bool adaptive = steps.z != 0;
+  if (adaptive) {
+    float most_px = max(v_size_px.x, max(v_size_px.y, v_size_px.z));
+    linear = clamp(int(most_px * 0.67) + 2, 2, linear);
+    float step_px = most_px / float(linear);
+    int halves = 1;
+    for (; halves < binary && step_px > 0.25; ++halves) step_px *= 0.5;
+    binary = min(halves, binary);
+  }
+  vec2 uv0 = vec2(at[u_axis], at[v_axis]), uv_along = vec2(along[u_axis], along[v_axis]);
+  float s0 = 255.0 * (is_far ? 1.0 - at[axis] : at[axis]);
+  float s_along = 255.0 * (is_far ? -along[axis] : along[axis]);
+
+  // a linear search for a place between front and back depth, then a binary one
+  float size = (t_out - t_in) / float(linear);
+  float t = t_in - 0.5 * size;
+  bool found = false, before = false;
+  for (int i = 0; i < linear && !found; ++i) {
+    t += size;
+    uint word = shape[texel_at(level, uv0 + uv_along * t)];
+    float s = s0 + s_along * t, front = float(word & 255u), back = float((word >> 8) & 255u);
+    bool behind = front < back && s >= front;
+    found = behind && (s <= back || (adaptive && before));
+    before = front < back && s < front;
+  }
+  if (!found) discard;
+  float low = max(t - size, t_in), high = t;
+  for (int i = 0; i < binary; ++i) {
+    float middle = 0.5 * (low + high);
+    uint word = shape[texel_at(level, uv0 + uv_along * middle)];
+    float s = s0 + s_along * middle, front = float(word & 255u), back = float((word >> 8) & 255u);
+    bool inside = front < back && s >= front && (adaptive || s <= back);
+    if (inside) high = middle; else low = middle;
+  }
+
+  vec3 position = origin + ray * high;
+  vec4 clip = frame.clip_from_relative * vec4(position, 1.0);
+  gl_FragDepth = clamp(clip.z / clip.w, 0.0, 1.0);
+
+  // colour and normal of a coarser level where that shows something
+  uint texel = texel_at(level, uv0 + uv_along * high);
+  if (is_finer(level, 3.0 * area_px)) {
+    uint other = texel_at(coarser(level), uv0 + uv_along * high);
+    if ((shape[other] & 255u) < ((shape[other] >> 8) & 255u)) texel = other;
+  }
+  vec2 octahedral = vec2(bitfieldExtract(int(shape[texel]), 16, 8), bitfieldExtract(int(shape[texel]), 24, 8)) / 127.0;
+  vec3 n = vec3(octahedral, 1.0 - abs(octahedral.x) - abs(octahedral.y));
+  float fold = max(-n.z, 0.0);
+  n.x += n.x >= 0.0 ? -fold : fold;
+  n.y += n.y >= 0.0 ? -fold : fold;
+  n = mat3(joints[d.first_joint + boxes[32u * d.box]]) * n;
+  n = normalize(vec3(n.x * d.cosine_scale - n.y * d.sine_scale, n.x * d.sine_scale + n.y * d.cosine_scale, n.z * d.scale));
+
+  vec3 base = unpack_color(base_color[texel]);
+  uint channel = instances[d.instance].channel;
+  vec3 albedo = channel != 0xffffffffu ? channel_color(channel, base)
+                                       : tinted(base, unpackUnorm4x8(regions[texel]), instances[d.instance].tints);
+  float height = position.z - instances[d.instance].feet.z;
+  color = vec4(lit_color(albedo, n, position, mix(0.55, 1.0, smoothstep(-0.05, 0.75, height))), 1.0);
 }
 )";
 
@@ -295,7 +474,13 @@ std::string agent_vertex_shader(const ShaderOptions&) {
   return std::string(kCommon) + kInstances + kAgentVertex;
 }
 std::string agent_fragment_shader(const ShaderOptions& options) {
-  return std::string(kCommon) + defines(options) + kInstances + kAgentFragment;
+  return std::string(kCommon) + defines(options) + kInstances + kLight + kAgentFragment;
+}
+std::string impostor_vertex_shader() {
+  return std::string(kCommon) + kInstances + kImpostors + kImpostorVertex;
+}
+std::string impostor_fragment_shader() {
+  return std::string(kCommon) + kInstances + kLight + kImpostors + kImpostorFragment;
 }
 std::string blob_vertex_shader() { return std::string(kCommon) + kInstances + kBlobVertex; }
 std::string blob_fragment_shader() { return std::string(kCommon) + kBlobFragment; }

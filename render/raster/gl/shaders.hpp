@@ -13,6 +13,8 @@ struct ShaderOptions {
 
 std::string agent_vertex_shader(const ShaderOptions& options);
 std::string agent_fragment_shader(const ShaderOptions& options);
+std::string impostor_vertex_shader();
+std::string impostor_fragment_shader();
 std::string blob_vertex_shader();
 std::string blob_fragment_shader();
 std::string cast_shadow_vertex_shader();

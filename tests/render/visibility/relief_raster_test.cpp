@@ -123,6 +123,46 @@ TEST(ReliefRasterTest, WhoHasNoImpostorKeepsTheMesh) {
   EXPECT_EQ(asked.stats.counters.drawn_as[2], 0U);
 }
 
+double mean_difference(const Picture& a, const Picture& b) {
+  EXPECT_EQ(a.rgbx.size(), b.rgbx.size());
+  double sum = 0.0;
+  for (std::size_t i = 0; i < std::min(a.rgbx.size(), b.rgbx.size()); ++i) {
+    sum += std::abs(int{a.rgbx[i]} - int{b.rgbx[i]});
+  }
+  return sum / static_cast<double>(std::max<std::size_t>(a.rgbx.size(), 1));
+}
+
+TEST(ReliefRasterTest, OpenGlDrawsTheSameImpostors) {
+  const auto cast = cast_with_impostors();
+  const auto crowd = rows(cast, 6, 8);
+  auto pipeline = FramePipeline::make(cast, {.raster = RasterKind::kGl, .threads = 2});
+  if (!pipeline.ok()) GTEST_SKIP() << pipeline.status();
+  for (const Camera& camera : {kNear, kFar, kFlat}) {
+    ViewSettings view;
+    view.camera = camera;
+    view.viewport = {317, 203};
+    view.look.shadows = false;  // impostors have blobs, meshes the figure's own shadow
+    const auto picture_of = [&](FormRule form) {
+      view.selection.form = form;
+      Picture picture;
+      FrameStats stats;
+      const absl::Status status = (*pipeline)->render(*crowd, 0, view, picture, stats);
+      EXPECT_TRUE(status.ok()) << status;
+      EXPECT_EQ(stats.counters.drawn_as[2] > 0, form == FormRule::kImpostor);
+      return picture;
+    };
+    const Picture mesh = picture_of(FormRule::kMesh), impostor = picture_of(FormRule::kImpostor);
+    auto own = FramePipeline::make(cast, {.raster = RasterKind::kVisibility, .threads = 2});
+    ASSERT_TRUE(own.ok()) << own.status();
+    Picture visibility;
+    FrameStats stats;
+    ASSERT_TRUE((*own)->render(*crowd, 0, view, visibility, stats).ok());
+    EXPECT_LT(mean_difference(impostor, mesh), 4.0);
+    EXPECT_LT(mean_difference(impostor, visibility), 3.0);
+    EXPECT_GT(mean_difference(impostor, mesh), 0.0);
+  }
+}
+
 TEST(ReliefRasterTest, EyeWithinABoxDrawsSomething) {
   const auto cast = cast_with_impostors();
   const auto crowd = rows(cast, 3, 3);
