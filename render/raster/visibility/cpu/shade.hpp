@@ -177,7 +177,7 @@ struct SurfaceItems {
   std::size_t count = 0;
 };
 
-/// Tints, channel, sun and sky, haze: the same light as shade_items.
+/// Tints, channel, sun and sky, haze: the same light as shade_figures.
 void shade_surface_items(const SceneFrame& scene, const InstanceShade* shades, SurfaceItems& items);
 
 /// Ground, grid and sky of a row of pixels [x, x + count): tone-mapped, linear.
