@@ -82,9 +82,9 @@ inline constexpr std::uint32_t kTileRoom = 1U << 20;
 /// One frame. Shapes: V visible instances, B triangle blocks.
 struct RasterJob {
   RasterCast cast;
-  SceneFrame scene;
-  element::SampleGrid grid;
-  element::ChannelRange channel;
+  SceneFrame scene{};
+  element::SampleGrid grid{};
+  element::ChannelRange channel{};
   std::uint32_t width_px = 0, height_px = 0;
   std::uint32_t word_blocks_x = 0;  // of 4x4 samples
 
