@@ -56,7 +56,7 @@ int main(int argc, char** argv) {
   app.add_option("--vertex-budget", settings.viewer.vertex_budget,
                  "Vertices per frame (0: the server decides)")
       ->capture_default_str();
-  app.add_option("--pictures", settings.pictures, "Folder that P saves pictures to")
+  app.add_option("--pictures", settings.pictures, "Folder that P and R save to")
       ->capture_default_str()
       ->type_name("DIR");
   app.add_option("--screenshot", settings.screenshot,

@@ -101,6 +101,8 @@ void draw_tools(Viewer& viewer, Panels& panels) {
   ImGui::SameLine();
   if (button("Picture", "Save a picture (P)")) panels.wants_picture = true;
   ImGui::SameLine();
+  if (button("Record", "Record a video (R)", panels.recording)) panels.wants_recording = true;
+  ImGui::SameLine();
   if (button("?", "Help (?)", panels.help)) panels.help = !panels.help;
   ImGui::End();
 }
@@ -317,6 +319,7 @@ void draw_help(Panels& panels) {
                                    {"O", "all of these"},
                                    {"X", "numbers"},
                                    {"P", "save a picture"},
+                                   {"R", "record a video"},
                                    {"? or H", "this"}};
   if (ImGui::BeginTable("help", 4, ImGuiTableFlags_SizingFixedFit)) {
     // two columns of lines, the second from Time on

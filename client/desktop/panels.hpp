@@ -11,7 +11,8 @@ class Viewer;
 /// What of the panels is open, and what their buttons ask of the window.
 struct Panels {
   bool display = false, numbers = false, help = false;
-  bool wants_picture = false;
+  bool wants_picture = false, wants_recording = false;
+  bool recording = false;  // of the window
 };
 
 /// Colours, rounding and room of all panels; once.

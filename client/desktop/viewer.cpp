@@ -148,7 +148,9 @@ void Viewer::take_frame(ReceivedFrame frame) {
   }
   frame_ = std::move(frame);
   shown_camera_ = OrbitCamera::read(message.camera());
-  time_us_ = frame_->message.scene_time_us();
+  const std::int64_t shown_us = frame_->message.scene_time_us();
+  // what was asked for stands until a frame knows of it
+  if (knows_time) time_us_ = shown_us;
   if (frame_->message.has_playback() && knows_time) {
     is_live_ = frame_->message.playback().live();
     is_paused_ = frame_->message.playback().paused();
@@ -158,7 +160,7 @@ void Viewer::take_frame(ReceivedFrame frame) {
     camera_->target_world = point_of(frame_->message.camera().target());
   }
   agents_ = unpack_agents(frame_->message.agents());
-  if (shows(Overlay::kTrails)) trails_.add(time_us_, agents_);
+  if (shows(Overlay::kTrails)) trails_.add(shown_us, agents_);
   if (range_is_auto_) choose_range();
 
   ++shown_;
@@ -644,6 +646,8 @@ std::string Viewer::state_json() const {
                       {"paused", paused()},
                       {"speed", speed_},
                       {"time_s", static_cast<double>(time_us_) * 1e-6},
+                      // the picture is of the time that was asked for
+                      {"settled", frame_ && frame_->message.stamp() >= playback_stamp_},
                       {"follow", follow_},
                       {"followed", frame_ ? frame_->message.followed_agent() : 0},
                       {"card", card_ ? card_->id() : 0},

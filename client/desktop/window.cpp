@@ -16,6 +16,7 @@
 #include "client/desktop/gui_renderer.hpp"
 #include "client/desktop/overlays.hpp"
 #include "client/desktop/panels.hpp"
+#include "client/desktop/recorder.hpp"
 #include "throng/render/encode.hpp"
 
 namespace throng::client {
@@ -78,6 +79,10 @@ class Window {
   }
   absl::Status save(const std::string& path);
   absl::Status save_picture();
+  /// Where P and R save: named by crowd and scene time.
+  std::string path_with(const char* ending) const;
+  void toggle_recording();
+  void record();
 
   const WindowSettings& settings_;
   const bool is_hidden_;
@@ -96,6 +101,7 @@ class Window {
   std::unique_ptr<ViewLink> link_;
   std::unique_ptr<Viewer> viewer_;
   Panels panels_;
+  Recorder recorder_;
   bool is_done_ = false;
 
   // the pointer
@@ -169,6 +175,7 @@ absl::Status Window::open() {
 absl::Status Window::run() {
   absl::Status status = open();
   if (status.ok()) status = loop();
+  if (recorder_.is_on()) toggle_recording();
   if (status.ok() && settings_.prints_state) {
     std::printf("%s\n", viewer_->state_json().c_str());
   }
@@ -191,6 +198,9 @@ absl::Status Window::loop() {
     if (!plays.ok()) return plays.status();
     fly();
     viewer_->update(now_s(), size_px());
+    if (panels_.wants_recording) toggle_recording();
+    panels_.wants_recording = false;
+    record();
     if (absl::Status status = draw(); !status.ok()) return status;
     if (!settings_.script.empty() && !*plays) is_done_ = true;
     if (settings_.script.empty() && !settings_.screenshot.empty()) {
@@ -353,6 +363,9 @@ void Window::handle_key(const SDL_Keysym& key, bool is_repeat) {
     case SDLK_p:
       panels_.wants_picture = true;
       return;
+    case SDLK_r:
+      panels_.wants_recording = true;
+      return;
     default:
       return;
   }
@@ -457,17 +470,41 @@ absl::Status Window::save(const std::string& path) {
   return render::write_file(path, *png);
 }
 
-absl::Status Window::save_picture() {
-  if (viewer_->frame() == nullptr) return absl::UnavailableError("There is no picture yet");
-  std::string name =
-      absl::StrCat(viewer_->crowd(), "-", format_time(viewer_->frame()->message.scene_time_us()));
+std::string Window::path_with(const char* ending) const {
+  std::string name = absl::StrCat(viewer_->crowd(), "-",
+                                  format_time(viewer_->frame()->message.scene_time_us()), ending);
   for (char& c : name) {
     if (c == '/' || c == ':' || c == '\0') c = '.';
   }
-  const std::filesystem::path path = std::filesystem::path(settings_.pictures) / (name + ".png");
-  if (absl::Status status = save(path.string()); !status.ok()) return status;
-  viewer_->toast(absl::StrCat("Saved ", path.string()));
+  return (std::filesystem::path(settings_.pictures) / name).string();
+}
+
+absl::Status Window::save_picture() {
+  if (viewer_->frame() == nullptr) return absl::UnavailableError("There is no picture yet");
+  const std::string path = path_with(".png");
+  if (absl::Status status = save(path); !status.ok()) return status;
+  viewer_->toast(absl::StrCat("Saved ", path));
   return absl::OkStatus();
+}
+
+void Window::toggle_recording() {
+  if (recorder_.is_on()) {
+    const absl::StatusOr<std::string> saved = recorder_.stop();
+    viewer_->toast(saved.ok() ? *saved : std::string(saved.status().message()));
+  } else if (viewer_->frame() != nullptr) {
+    const absl::Status status =
+        recorder_.start(path_with(".mp4"), *viewer_->frame()->image, now_s());
+    if (!status.ok()) viewer_->toast(std::string(status.message()));
+  }
+}
+
+void Window::record() {
+  panels_.recording = recorder_.is_on();
+  if (!recorder_.is_on() || viewer_->frame() == nullptr) return;
+  const absl::Status status = recorder_.add(viewer_->frame()->image, now_s());
+  if (status.ok()) return;
+  toggle_recording();  // what there is stays
+  if (!absl::IsFailedPrecondition(status)) viewer_->toast(std::string(status.message()));
 }
 
 // ---- the script
