@@ -2,50 +2,24 @@
 
 #include <absl/status/status.h>
 #include <absl/strings/str_cat.h>
-#include <geos_c.h>
 
+#include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <functional>
 #include <memory>
+
+#include "render/environment/geos.hpp"
+#include "throng/render/environment.hpp"
 
 namespace throng::render {
 namespace {
 
 constexpr double kFarthestM = 1e7;
 constexpr int kMostPoints = 50'000;
+// GEOS clips ears, which takes the square of the points and worse where holes are: 2,000 points
+// take a second, 16,000 minutes. Larger polygons are cut in two until they have so many.
+constexpr int kMostTogether = 200;
 constexpr int kDeepest = 64;  // GEOS reads collections within collections by recursion
-
-/// A GEOS context that keeps what it complains about.
-class Geos {
- public:
-  Geos() : context_(GEOS_init_r()) {
-    GEOSContext_setErrorMessageHandler_r(
-        context_,
-        [](const char* message, void* self) { static_cast<Geos*>(self)->complaint_ = message; },
-        this);
-  }
-  ~Geos() { GEOS_finish_r(context_); }
-  Geos(const Geos&) = delete;
-  Geos& operator=(const Geos&) = delete;
-
-  GEOSContextHandle_t get() const { return context_; }
-  absl::Status error(const char* what) const {
-    return absl::InvalidArgumentError(
-        absl::StrCat("walkable area: ", what, complaint_.empty() ? "" : ": ", complaint_));
-  }
-
- private:
-  GEOSContextHandle_t context_;
-  std::string complaint_;
-};
-
-using Geometry = std::unique_ptr<GEOSGeometry, std::function<void(GEOSGeometry*)>>;
-
-Geometry own(const Geos& geos, GEOSGeometry* geometry) {
-  return Geometry(geometry, [&geos](GEOSGeometry* g) { GEOSGeom_destroy_r(geos.get(), g); });
-}
 
 /// Calls `visit` with every polygon of a geometry, however deep its collections are nested.
 void each_polygon(const Geos& geos, const GEOSGeometry* geometry,
@@ -94,16 +68,93 @@ Geometry filled(const Geos& geos, const GEOSGeometry* area) {
   return own(geos, GEOSUnaryUnion_r(geos.get(), all.get()));
 }
 
-void add_edges(const Geos& geos, const GEOSGeometry* ring, bool is_hole, const glm::dvec2& origin,
-               Footprint& footprint) {
+/// Where a polygon was cut in two: what lies on it is no side of a solid.
+struct Cut {
+  int axis;
+  double at;
+};
+
+bool is_on(const Cut& cut, const glm::dvec2& point) {
+  return std::abs(point[cut.axis] - cut.at) <= 1e-9 * std::max(1.0, std::abs(cut.at));
+}
+
+void add_edges(const Geos& geos, const GEOSGeometry* ring, bool is_hole,
+               const std::vector<Cut>& cuts, const glm::dvec2& origin, Footprint& footprint) {
   const std::vector<glm::dvec2> points = points_of(geos, ring);
   // shells counter-clockwise and holes clockwise: the solid is on the left
   const bool is_turned = (signed_area(points) > 0.0) == is_hole;
   for (std::size_t i = 0; i + 1 < points.size(); ++i) {
     const glm::dvec2 a = points[i] - origin, b = points[i + 1] - origin;
     if (a == b) continue;
+    const bool is_cut = std::any_of(cuts.begin(), cuts.end(), [&](const Cut& cut) {
+      return is_on(cut, points[i]) && is_on(cut, points[i + 1]);
+    });
+    if (is_cut) continue;
     footprint.edges.push_back(is_turned ? std::array{b, a} : std::array{a, b});
   }
+}
+
+/// A solid's sides and its top in triangles.
+absl::Status add_solid(const Geos& geos, const GEOSGeometry* polygon, std::vector<Cut>& cuts,
+                       const glm::dvec2& origin_m, const std::atomic<bool>* cancelled,
+                       Footprint& footprint) {
+  if (cancelled != nullptr && cancelled->load()) {
+    return absl::CancelledError("walkable area: nobody waits for it");
+  }
+  const int holes = GEOSGetNumInteriorRings_r(geos.get(), polygon);
+  if (GEOSGetNumCoordinates_r(geos.get(), polygon) > kMostTogether && cuts.size() < 40) {
+    std::vector<glm::dvec2> points = points_of(geos, GEOSGetExteriorRing_r(geos.get(), polygon));
+    glm::dvec2 low = points[0], high = low;
+    for (const glm::dvec2& point : points) {
+      low = glm::min(low, point);
+      high = glm::max(high, point);
+    }
+    for (int i = 0; i < holes; ++i) {
+      const auto more = points_of(geos, GEOSGetInteriorRingN_r(geos.get(), polygon, i));
+      points.insert(points.end(), more.begin(), more.end());
+    }
+    const int axis = high.x - low.x >= high.y - low.y ? 0 : 1;
+    const auto middle = points.begin() + static_cast<std::ptrdiff_t>(points.size() / 2);
+    std::nth_element(points.begin(), middle, points.end(),
+                     [axis](const auto& a, const auto& b) { return a[axis] < b[axis]; });
+    // A little beside the point in the middle, or walls along an axis would lie on the cut.
+    const double at = (*middle)[axis] + 1.2345e-3 * (high[axis] - low[axis]) / (cuts.size() + 1.0);
+    if (at > low[axis] && at < high[axis] && high[axis] - low[axis] > 0.1) {
+      cuts.push_back({axis, at});
+      for (const bool is_upper : {false, true}) {
+        glm::dvec2 from = low - 1.0, to = high + 1.0;
+        (is_upper ? from : to)[axis] = at;
+        const Geometry box =
+            own(geos, GEOSGeom_createRectangle_r(geos.get(), from.x, from.y, to.x, to.y));
+        const Geometry half = own(
+            geos, box == nullptr ? nullptr : GEOSIntersection_r(geos.get(), polygon, box.get()));
+        if (half == nullptr) return geos.error("its walls can't be cut in two");
+        absl::Status status;
+        each_polygon(geos, half.get(), [&](const GEOSGeometry* part) {
+          if (status.ok()) status = add_solid(geos, part, cuts, origin_m, cancelled, footprint);
+        });
+        if (!status.ok()) return status;
+      }
+      cuts.pop_back();
+      return absl::OkStatus();
+    }
+  }
+
+  add_edges(geos, GEOSGetExteriorRing_r(geos.get(), polygon), false, cuts, origin_m, footprint);
+  for (int i = 0; i < holes; ++i) {
+    add_edges(geos, GEOSGetInteriorRingN_r(geos.get(), polygon, i), true, cuts, origin_m,
+              footprint);
+  }
+  const Geometry top = own(geos, GEOSConstrainedDelaunayTriangulation_r(geos.get(), polygon));
+  if (top == nullptr) return geos.error("its walls can't be triangulated");
+  each_polygon(geos, top.get(), [&](const GEOSGeometry* triangle) {
+    std::vector<glm::dvec2> corners = points_of(geos, GEOSGetExteriorRing_r(geos.get(), triangle));
+    if (corners.size() < 4) return;
+    if (signed_area(corners) < 0.0) std::swap(corners[1], corners[2]);
+    footprint.triangles.push_back(
+        {corners[0] - origin_m, corners[1] - origin_m, corners[2] - origin_m});
+  });
+  return absl::OkStatus();
 }
 
 /// Reads polygons and checks all that is quickly checked.
@@ -161,7 +212,7 @@ absl::Status check_area(const std::string& wkt, const glm::dvec2& origin_m) {
 }
 
 absl::StatusOr<Footprint> solids_around(const std::string& wkt, const glm::dvec2& origin_m,
-                                        double thickness_m) {
+                                        double thickness_m, const std::atomic<bool>* cancelled) {
   Geos geos;
   const auto read = read_area(geos, wkt, origin_m);
   if (!read.ok()) return read.status();
@@ -189,29 +240,21 @@ absl::StatusOr<Footprint> solids_around(const std::string& wkt, const glm::dvec2
   if (solid == nullptr) return geos.error("its walls can't be cut out");
 
   Footprint footprint;
-  absl::Status triangulated;
+  absl::Status status;
   each_polygon(geos, solid.get(), [&](const GEOSGeometry* polygon) {
-    add_edges(geos, GEOSGetExteriorRing_r(geos.get(), polygon), false, origin_m, footprint);
-    const int holes = GEOSGetNumInteriorRings_r(geos.get(), polygon);
-    for (int i = 0; i < holes; ++i) {
-      add_edges(geos, GEOSGetInteriorRingN_r(geos.get(), polygon, i), true, origin_m, footprint);
-    }
-    const Geometry top = own(geos, GEOSConstrainedDelaunayTriangulation_r(geos.get(), polygon));
-    if (top == nullptr) {
-      triangulated = geos.error("its walls can't be triangulated");
-      return;
-    }
-    each_polygon(geos, top.get(), [&](const GEOSGeometry* triangle) {
-      std::vector<glm::dvec2> corners =
-          points_of(geos, GEOSGetExteriorRing_r(geos.get(), triangle));
-      if (corners.size() < 4) return;
-      if (signed_area(corners) < 0.0) std::swap(corners[1], corners[2]);
-      footprint.triangles.push_back(
-          {corners[0] - origin_m, corners[1] - origin_m, corners[2] - origin_m});
-    });
+    std::vector<Cut> cuts;
+    if (status.ok()) status = add_solid(geos, polygon, cuts, origin_m, cancelled, footprint);
   });
-  if (!triangulated.ok()) return triangulated;
+  if (!status.ok()) return status;
   return footprint;
+}
+
+void interrupt_environments(bool is_on) {
+  if (is_on) {
+    GEOS_interruptRequest();
+  } else {
+    GEOS_interruptCancel();
+  }
 }
 
 }  // namespace throng::render

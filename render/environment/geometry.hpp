@@ -3,6 +3,7 @@
 #include <absl/status/statusor.h>
 
 #include <array>
+#include <atomic>
 #include <glm/glm.hpp>
 #include <string>
 #include <vector>
@@ -20,8 +21,9 @@ struct Footprint {
 absl::Status check_area(const std::string& wkt, const glm::dvec2& origin_m);
 
 /// What is solid around a walkable area: a band of `thickness_m` outside of it, and its holes.
-/// Errors as of make_environment.
+/// Errors as of make_environment; Cancelled soon after `cancelled` is set.
 absl::StatusOr<Footprint> solids_around(const std::string& wkt, const glm::dvec2& origin_m,
-                                        double thickness_m);
+                                        double thickness_m,
+                                        const std::atomic<bool>* cancelled = nullptr);
 
 }  // namespace throng::render

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -194,20 +195,6 @@ std::string stats_line(std::uint32_t number, const std::string& path,
   return line.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
-absl::StatusOr<std::string> read_text(const std::string& file) {
-  constexpr std::size_t kMostBytes = 64u << 20;
-  std::ifstream stream(file, std::ios::binary);
-  if (!stream) return absl::NotFoundError(absl::StrCat(file, ": can't be opened"));
-  std::string text(kMostBytes + 1, '\0');
-  stream.read(text.data(), static_cast<std::streamsize>(text.size()));
-  text.resize(static_cast<std::size_t>(stream.gcount()));
-  if (text.size() > kMostBytes) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(file, ": is over ", kMostBytes >> 20, " MiB, too much for an environment"));
-  }
-  return text;
-}
-
 BatchOutcome failure(ExitCode code, std::string error) {
   BatchOutcome outcome;
   outcome.code = code;
@@ -244,6 +231,17 @@ struct Output {
   }
 };
 
+/// A camera's name as a part of a file's: an agent may be called "a/b", and # % $ are the places of
+/// frame numbers.
+std::string file_name_of(std::string name) {
+  for (char& c : name) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (byte < 0x20 || byte == 0x7f || std::strchr("/\\#%$", c) != nullptr) c = '_';
+  }
+  if (!name.empty() && name[0] == '.') name[0] = '_';
+  return name;
+}
+
 absl::StatusOr<std::vector<Output>> make_outputs(const BatchJob& job, OutputKind kind,
                                                  const Span& span) {
   if (job.cameras.size() > 1 && !absl::StrContains(job.output, kCamera)) {
@@ -258,12 +256,12 @@ absl::StatusOr<std::vector<Output>> make_outputs(const BatchJob& job, OutputKind
     absl::StatusOr<CameraPath> camera = CameraPath::parse(text, site);
     if (!camera.ok()) return camera.status();
     for (const Output& other : outputs) {
-      if (other.camera.name() != camera->name()) continue;
+      if (file_name_of(other.camera.name()) != file_name_of(camera->name())) continue;
       return absl::FailedPreconditionError(
           absl::StrCat("--camera: two are called '", camera->name(), "'"));
     }
     Output& output = outputs.emplace_back(*std::move(camera));
-    output.path = absl::StrReplaceAll(job.output, {{kCamera, output.camera.name()}});
+    output.path = absl::StrReplaceAll(job.output, {{kCamera, file_name_of(output.camera.name())}});
     if (kind == OutputKind::kVideo || kind == OutputKind::kStream) continue;
     const auto add = [&](bool wanted, const char* pass, std::optional<NumberedPath>& to) {
       if (!wanted) return absl::OkStatus();
@@ -360,23 +358,19 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
   }
 
   std::shared_ptr<const render::Environment> environment;
-  if (job.walls) {
-    std::string wkt = info.walkable_area_wkt;
-    if (!job.environment.empty()) {
-      absl::StatusOr<std::string> text = read_text(job.environment);
-      if (!text.ok()) return failure(ExitCode::kBadInput, std::string(text.status().message()));
-      wkt = *std::move(text);
+  if (job.walls && !(job.environment.empty() && info.walkable_area_wkt.empty())) {
+    auto made = job.environment.empty()
+                    ? render::make_environment(info.walkable_area_wkt, crowd_settings.origin_world,
+                                               job.environment_options)
+                    : render::read_environment(job.environment, crowd_settings.origin_world,
+                                               job.environment_options);
+    if (!made.ok()) {
+      const std::string message(made.status().message());
+      return failure(ExitCode::kBadInput, job.environment.empty()
+                                              ? absl::StrCat(job.trajectory, ": ", message)
+                                              : message);
     }
-    if (!wkt.empty()) {
-      auto made =
-          render::make_environment(wkt, crowd_settings.origin_world, job.environment_options);
-      if (!made.ok()) {
-        return failure(ExitCode::kBadInput,
-                       absl::StrCat(job.environment.empty() ? job.trajectory : job.environment,
-                                    ": ", made.status().message()));
-      }
-      environment = *std::move(made);
-    }
+    environment = *std::move(made);
   }
 
   render::FramePipelineOptions pipeline_options = job.pipeline;
@@ -401,7 +395,8 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
   }
   for (Output& output : *outputs) {
     if (job.boxes.empty()) break;
-    const std::string path = absl::StrReplaceAll(job.boxes, {{kCamera, output.camera.name()}});
+    const std::string path =
+        absl::StrReplaceAll(job.boxes, {{kCamera, file_name_of(output.camera.name())}});
     output.boxes.open(path, std::ios::binary | std::ios::trunc);
     if (!output.boxes) return failure(ExitCode::kOutput, absl::StrCat(path, ": can't be written"));
   }

@@ -37,7 +37,8 @@ struct BatchJob {
   std::string stats;                             // JSON lines, empty: none
   std::string channel;                           // colours the agents by it
   double channel_low = 0.0, channel_high = 1.0;
-  std::string environment;  // file of WKT; empty: what the trajectory holds
+  std::string environment;  // file of WKT, GeoJSON, a Vadere scenario or a static glTF; empty: what
+                            // the trajectory holds
   bool walls = true;        // false: no environment
   render::EnvironmentOptions environment_options;
   Shard shard;

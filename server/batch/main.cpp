@@ -149,8 +149,10 @@ int main(int argc, char** argv) {
   app.add_option("--channel-range", channel_range,
                  "Values at the ends of the colour scale (default 0:1)")
       ->type_name("LOW:HIGH");
-  app.add_option("--environment", job.environment,
-                 "File with the walkable area as WKT (default: what the trajectory holds)")
+  app.add_option(
+         "--environment", job.environment,
+         "Site: WKT, GeoJSON, a Vadere scenario or a static glTF (default: what the trajectory "
+         "holds)")
       ->type_name("FILE");
   app.add_option("--wall-height", job.environment_options.wall_height_m, "Height of walls, m")
       ->capture_default_str()

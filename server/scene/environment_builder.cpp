@@ -19,9 +19,12 @@ EnvironmentBuilder::~EnvironmentBuilder() {
   {
     const std::lock_guard lock(mutex_);
     stop_ = true;
+    cancelled_ = true;
+    if (is_building_) render::interrupt_environments(true);
   }
   changed_.notify_all();
   thread_.join();
+  render::interrupt_environments(false);
 }
 
 absl::Status EnvironmentBuilder::build(const std::string& name,
@@ -61,7 +64,8 @@ void EnvironmentBuilder::run() {
     building_ = job.crowd;
     lock.unlock();
     if (const std::shared_ptr<render::Crowd> crowd = job.crowd.lock()) {
-      auto made = render::make_environment(job.wkt, crowd->settings().origin_world);
+      auto made = render::make_environment(job.wkt, crowd->settings().origin_world,
+                                           {.cancelled = &cancelled_});
       if (made.ok()) {
         const std::lock_guard relock(mutex_);
         if (building_.lock() == crowd) crowd->set_environment(*std::move(made));

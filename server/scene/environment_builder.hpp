@@ -2,6 +2,7 @@
 
 #include <absl/status/status.h>
 
+#include <atomic>
 #include <condition_variable>
 #include <deque>
 #include <glm/glm.hpp>
@@ -20,7 +21,7 @@ namespace throng::server {
 class EnvironmentBuilder {
  public:
   EnvironmentBuilder();
-  ~EnvironmentBuilder();  // waits for what is being built; what still waits is left
+  ~EnvironmentBuilder();  // gives up what is being built; what still waits is left
 
   /// Checks the area (errors as render::check_environment) and builds it for `crowd` some time
   /// soon; what fails only then is logged under `name`. An empty text takes the crowd's walls away.
@@ -42,6 +43,7 @@ class EnvironmentBuilder {
   std::condition_variable changed_;
   std::deque<Job> jobs_;
   bool is_building_ = false, stop_ = false;
+  std::atomic<bool> cancelled_{false};     // stop_, for those who don't hold mutex_
   std::weak_ptr<render::Crowd> building_;  // for whom; none once it wants no walls
   std::thread thread_;
 };

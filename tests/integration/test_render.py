@@ -175,3 +175,44 @@ def test_a_file_without_rate_or_unit_says_how_to_give_them(program, data_dir):
     result = program("throng-render", path, "-o", "out/####.png")
     assert result.returncode == 3
     assert "--source-fps" in result.stderr
+
+
+def test_name_of_a_followed_agent_makes_a_safe_path(program, tmp_path):
+    (tmp_path / "names.csv").write_text("time,id,x,y\n0,../a/b#1,1,1\n1,../a/b#1,2,1\n")
+    result = program("throng-render", "names.csv", "-o", "out/{camera}/#.png", "--camera", "follow:../a/b#1",
+                     "--frames", "1", *SMALL)
+    assert result.returncode == 0, result.stderr
+    assert [str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*.png")] == ["out/follow-.._a_b_1/1.png"]
+
+
+SITES = {
+    "hall.wkt": "POLYGON ((-2 -2, 12 -2, 12 6, -2 6, -2 -2), (3 4, 5 4, 5 5, 3 5, 3 4))",
+    "hall.geojson": json.dumps({"type": "FeatureCollection", "features": [
+        {"type": "Feature", "properties": {}, "geometry": {
+            "type": "Polygon", "coordinates": [[[-2, -2], [12, -2], [12, 6], [-2, 6], [-2, -2]]]}},
+        {"type": "Feature", "properties": {"type": "obstacle"}, "geometry": {
+            "type": "Polygon", "coordinates": [[[3, 4], [5, 4], [5, 5], [3, 5], [3, 4]]]}}]}),
+    "hall.scenario": json.dumps({"scenario": {"topography": {
+        "attributes": {"bounds": {"x": -2.5, "y": -2.5, "width": 15, "height": 9}, "boundingBoxWidth": 0.5,
+                       "bounded": True},
+        "obstacles": [{"shape": {"type": "RECTANGLE", "x": 3, "y": 4, "width": 2, "height": 1}}]}}}),
+}
+
+
+def test_a_site_is_the_same_in_every_format(program, csv, tmp_path):
+    pictures = {"none": program("throng-render", csv, "-o", "none.png", "--frames", "1", *SMALL)}
+    for name, text in SITES.items():
+        (tmp_path / name).write_text(text)
+        pictures[name] = program("throng-render", csv, "-o", f"{name}.png", "--environment", name, "--frames", "1", *SMALL)
+    assert [done.returncode for done in pictures.values()] == [0] * 4, [done.stderr for done in pictures.values()]
+    # The corners may be written in another order, so pixels at edges may differ: sizes are close, walls are there.
+    sizes = {path.name: path.stat().st_size for path in tmp_path.glob("*.png")}
+    walls = [size for name, size in sizes.items() if name.startswith("hall")]
+    assert max(walls) < 1.02 * min(walls) and min(walls) != sizes["none.png"], sizes
+
+
+def test_site_that_is_none_is_refused_by_name(program, csv, tmp_path):
+    (tmp_path / "bad.geojson").write_text('{"type": "Point", "coordinates": [1, 2]}')
+    result = program("throng-render", csv, "-o", "one.png", "--environment", "bad.geojson", "--frames", "1", *SMALL)
+    assert result.returncode == 3
+    assert "bad.geojson" in result.stderr and "walkable" in result.stderr

@@ -120,5 +120,42 @@ TEST(EnvironmentTest, CollectionsNestedTooDeepAreRefusedBeforeTheyAreRead) {
   EXPECT_THAT(std::string(status.message()), testing::HasSubstr("nested"));
 }
 
+/// A round room of `corners` whose wall goes in and out.
+std::string star(int corners) {
+  std::string wkt = "POLYGON ((";
+  for (int i = 0; i <= corners; ++i) {
+    const double angle = 2.0 * 3.14159265358979323846 * (i % corners) / corners;
+    const double radius = i % corners % 2 == 0 ? 500.0 : 503.0;
+    wkt += (i > 0 ? "," : "") + std::to_string(radius * std::cos(angle)) + " " +
+           std::to_string(radius * std::sin(angle));
+  }
+  return wkt + "))";
+}
+
+TEST(EnvironmentTest, LargeSitesAreCutInTwoWithoutAGapOrAWallInside) {
+  // Cut or not, top and sides are the same: 150 corners are raised whole, 1,500 are not.
+  for (const int corners : {150, 1'500}) {
+    const auto environment =
+        make_environment(star(corners), {}, {.wall_height_m = 2.0, .wall_thickness_m = 0.5});
+    ASSERT_TRUE(environment.ok()) << environment.status();
+    const Areas areas = measure(**environment);
+    const double edge_m = std::hypot(3.0, 2.0 * 3.14159265358979323846 * 501.5 / corners);
+    EXPECT_NEAR(areas.side_m2 / (2.0 * 2.0 * edge_m * corners), 1.0, 0.03) << corners;
+    EXPECT_NEAR(areas.top_m2 / (0.5 * edge_m * corners), 1.0, 0.05) << corners;
+  }
+}
+
+TEST(EnvironmentTest, ManyPointsAreRaised) {
+  const auto environment = make_environment(star(3'000), {});
+  ASSERT_TRUE(environment.ok()) << environment.status();
+  EXPECT_GT((*environment)->triangles, 12'000U);
+}
+
+TEST(EnvironmentTest, WhoNoLongerWaitsIsNotServed) {
+  const std::atomic<bool> cancelled{true};
+  EXPECT_EQ(make_environment(star(1'500), {}, {.cancelled = &cancelled}).status().code(),
+            absl::StatusCode::kCancelled);
+}
+
 }  // namespace
 }  // namespace throng::render

@@ -2,6 +2,7 @@
 
 #include <absl/status/statusor.h>
 
+#include <atomic>
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <memory>
@@ -15,6 +16,7 @@ namespace throng::render {
 struct EnvironmentOptions {
   double wall_height_m = 1.2;     // low enough to look over from where crowds are looked at
   double wall_thickness_m = 0.2;  // outwards from the walkable area
+  const std::atomic<bool>* cancelled = nullptr;  // set by another thread: give up soon
 };
 
 /// What stands around a crowd: walls and obstacles, cut into pieces of some metres that are culled
@@ -30,12 +32,36 @@ struct Environment {
 /// @param wkt  polygons (POLYGON, MULTIPOLYGON or a GEOMETRYCOLLECTION of them) in metres, world
 ///             frame, as JuPedSim keeps them; an invalid one is repaired where that is possible.
 /// @param origin_world  of the crowd: pieces are offsets from it.
-/// It takes about a second for 10,000 points; check_environment is quick.
+/// It takes well under a second for 10,000 points; check_environment is quick.
+/// Cancelled: see the options. ResourceExhausted: out of memory.
 /// InvalidArgument: not WKT (with what the parser says), no area, a coordinate beyond 1e7 m of the
 /// origin, over 50,000 points, nested over 64 deep, walls too long, a height or thickness that is
 /// not in (0, 100] m.
 absl::StatusOr<std::shared_ptr<const Environment>> make_environment(
     const std::string& wkt, const glm::dvec3& origin_world, const EnvironmentOptions& options = {});
+
+/// The walkable area that a text tells, as WKT: make_environment and its checks take it from there.
+///
+/// - WKT comes back as it is.
+/// - GeoJSON (coordinates in metres of the world frame, not degrees): polygons are walkable, but
+///   those of a feature with a property `obstacle` that is true, a `building`, or a `type`, `kind`,
+///   `class` or `role` of obstacle, wall or building, are solid.
+/// - Vadere's .scenario: the bounds of its topography, less their frame where it is bounded, less
+///   the obstacles.
+/// InvalidArgument names what lacks or does not fit.
+absl::StatusOr<std::string> walkable_area_of(const std::string& text);
+
+/// The environment that a file holds: walls around what `walkable_area_of` takes from it, or a static
+/// glTF 2.0 mesh (.glb, .gltf), +Y up, in metres: triangles of its scene in their materials' base
+/// colours; textures, skins and compressed meshes are not read.
+/// NotFound; InvalidArgument names the file and what is wrong. Errors else as make_environment.
+absl::StatusOr<std::shared_ptr<const Environment>> read_environment(
+    const std::string& path, const glm::dvec3& origin_world,
+    const EnvironmentOptions& options = {});
+
+/// Ends soon, with an error, what make_environment does on any thread. For the end of a process: also
+/// call it with false when nothing is built any more, or the next one may be ended too.
+void interrupt_environments(bool is_on);
 
 /// What make_environment refuses of a walkable area before it begins.
 absl::Status check_environment(const std::string& wkt, const glm::dvec3& origin_world);
