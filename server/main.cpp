@@ -3,6 +3,7 @@
 #include <pthread.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 #include <csignal>
 
 #include <absl/strings/str_cat.h>
@@ -123,6 +124,20 @@ void add_network(CLI::App& app, ServerOptions& options) {
   add_ms("--drain-ms", options.drain_time, "Time that calls have to end when the server stops");
 }
 
+void add_record(CLI::App& app, throng::server::RecordSettings& record) {
+  const char* const kGroup = "Recording";
+  app.add_option("--record", record.folder,
+                 "Folder that keeps what producers send, CROWD.STAMP.PART.trec, to be played again "
+                 "by 'throng publish'")
+      ->group(kGroup);
+  app.add_option_function<std::uint64_t>(
+         "--record-mib", [&record](std::uint64_t mib) { record.limit_bytes = mib << 20; },
+         "Of a crowd, all its runs together; the oldest parts are removed beyond it")
+      ->default_str(std::to_string(record.limit_bytes >> 20))
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 30))
+      ->group(kGroup);
+}
+
 void add_web(CLI::App& app, throng::server::WebOptions& web) {
   const char* const kGroup = "Browsers";
   web.http.clear();
@@ -179,6 +194,7 @@ int main(int argc, char** argv) {
   add_network(app, options);
   add_web(app, web);
   add_limits(app, options);
+  add_record(app, options.record);
   app.footer(
       "Examples:\n"
       "  throng-server                                   this machine only, port 7447\n"
@@ -186,6 +202,7 @@ int main(int argc, char** argv) {
       "  throng-server --listen 0.0.0.0:7447 --tls-cert cert.pem --tls-key key.pem \\\n"
       "                --token-file tokens               for other machines\n"
       "  throng-server --http 127.0.0.1:7480             with a page for browsers\n"
+      "  throng-server --record runs --record-mib 2048   keep what comes, to publish it again\n"
       "  throng-server --doctor --json                   what EGL, CUDA and rasterizers can do "
       "here\n"
       "Exit codes: 0 stopped in order, 1 failure, 2 usage, 3 bad input, 4 nothing to draw with.");
@@ -218,6 +235,14 @@ int main(int argc, char** argv) {
   }
   if (absl::Status status = throng::server::check_bind(options.listen); !status.ok()) {
     return fail(kUsage, std::string(status.message()));
+  }
+  if (!options.record.folder.empty()) {
+    std::error_code error;
+    std::filesystem::create_directories(options.record.folder, error);
+    if (error || access(options.record.folder.c_str(), W_OK | X_OK) != 0) {
+      return fail(kBadInput, "--record " + options.record.folder + ": " +
+                                 (error ? error.message() : "it cannot be written"));
+    }
   }
   auto cast = throng::render::read_cast(cast_folder);
   if (!cast.ok()) return fail(kBadInput, std::string(cast.status().message()));

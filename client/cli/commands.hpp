@@ -22,11 +22,12 @@ struct PublishCommand {
   std::string file;
   std::string crowd;
   trajectory::ReadOptions read;
-  double rate = 1.0;  // scene seconds for each second
+  std::string environment;  // file of WKT, GeoJSON or a Vadere scenario; empty: what `file` holds
+  double rate = 1.0;        // scene seconds for each second
   bool loop = false;
   bool take_over = false;
-  std::uint64_t seed = 0;
-  double wait_s = 10.0;  // for the server
+  std::optional<std::uint64_t> seed;  // none: that of a recording, else 0
+  double wait_s = 10.0;               // for the server
 };
 int run_publish(const PublishCommand& command);
 

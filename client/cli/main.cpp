@@ -109,7 +109,8 @@ int main(int argc, char** argv) {
       "Examples:\n"
       "  throng publish run.sqlite --crowd station --loop\n"
       "  throng publish walk.txt --crowd lab --source-fps 16 --source-unit cm --rate 2\n"
-      "  throng publish city.csv --crowd city --wait 60 --take-over --seed 7");
+      "  throng publish city.csv --crowd city --wait 60 --take-over --seed 7\n"
+      "  throng publish postvis.traj --crowd hall --environment hall.scenario");
   publish_app->add_option("file", publish.file, "JuPedSim sqlite, archive text, CSV, ...")
       ->required();
   publish_app->add_option("--crowd", publish.crowd, "Name of the crowd")->required();
@@ -118,8 +119,12 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0.001, 1000.0));
   publish_app->add_flag("--loop", publish.loop, "Begin again at the end, until interrupted");
   publish_app->add_flag("--take-over", publish.take_over, "End another producer of this crowd");
-  publish_app->add_option("--seed", publish.seed, "With an agent's id, decides who it is")
-      ->capture_default_str();
+  publish_app->add_option("--seed", publish.seed,
+                          "With an agent's id, decides who it is (default: as recorded, else 0)");
+  publish_app
+      ->add_option("--environment", publish.environment,
+                   "WKT, GeoJSON or Vadere scenario of the site (default: what the file holds)")
+      ->check(CLI::ExistingFile);
   publish_app->add_option("--wait", publish.wait_s, "Seconds to wait for the server")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 86400.0));

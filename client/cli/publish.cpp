@@ -5,6 +5,8 @@
 #include <cmath>
 #include <condition_variable>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <mutex>
 #include <optional>
 #include <span>
@@ -91,11 +93,20 @@ int run_publish(const PublishCommand& command) {
     return kBadInput;
   }
 
-  const trajectory::Info info = (*reader)->info();
+  trajectory::Info info = (*reader)->info();
+  if (!command.environment.empty()) {
+    std::ifstream file(command.environment, std::ios::binary);
+    info.walkable_area_wkt.assign(std::istreambuf_iterator<char>(file), {});
+    if (!file || info.walkable_area_wkt.empty()) {
+      report(kName, absl::InvalidArgumentError(
+                        absl::StrCat(command.environment, ": cannot be read or is empty")));
+      return kBadInput;
+    }
+  }
   ProducerOptions options;
   options.connection = command.common.connection;
   options.channels = info.channel_names;
-  options.seed = command.seed;
+  options.seed = command.seed.value_or(info.seed.value_or(0));
   options.take_over = command.take_over;
   options.producer =
       absl::StrCat("throng publish ", std::filesystem::path(command.file).filename().string());

@@ -9,6 +9,7 @@
 
 #include "csv_split.hpp"
 #include "readers.hpp"
+#include "recording_format.hpp"
 #include "support.hpp"
 #include "text_source.hpp"
 #include "throng/trajectory/trajectory.hpp"
@@ -131,6 +132,7 @@ absl::StatusOr<std::string> format_of(const std::string& path) {
   if (starts_with(head, std::string_view("SQLite format 3\0", 16)))
     return std::string("jupedsim-sqlite");
   if (starts_with(head, "\x89HDF\r\n\x1a\n")) return std::string("jupedsim-hdf5");
+  if (starts_with(head, detail::kRecordingMagic)) return std::string("throng-recording");
   if (starts_with(head, "PAR1")) {
     return fault(path, "Parquet is not read; write SUMO's output as .xml, .xml.gz or .csv");
   }
@@ -153,7 +155,8 @@ absl::StatusOr<std::string> format_of(const std::string& path) {
 std::vector<std::string> format_names() {
   return {"jupedsim-sqlite", "archive-text",   "jpscore-text", "obsmat",       "csv",
           "pathfinder-csv",  "crowdit-csv",    "sumo-fcd-csv", "vadere-traj",  "sumo-fcd",
-          "menge-scb",       "trajnet-ndjson", "rvo2-text",    "jupedsim-hdf5"};
+          "menge-scb",       "trajnet-ndjson", "rvo2-text",    "jupedsim-hdf5",
+          "throng-recording"};
 }
 
 absl::StatusOr<std::unique_ptr<Reader>> open(const std::string& path, const ReadOptions& options) {
@@ -171,8 +174,8 @@ absl::StatusOr<std::unique_ptr<Reader>> open(const std::string& path, const Read
     if (!found.ok()) return found.status();
     format = *std::move(found);
   }
-  const bool binary =
-      format == "jupedsim-sqlite" || format == "menge-scb" || format == "jupedsim-hdf5";
+  const bool binary = format == "jupedsim-sqlite" || format == "menge-scb" ||
+                      format == "jupedsim-hdf5" || format == "throng-recording";
   if (binary && is_gzip(path)) {
     return fault(path, absl::StrCat("this is ", format, " inside gzip; unpack it first (gunzip)"));
   }
@@ -187,6 +190,7 @@ absl::StatusOr<std::unique_ptr<Reader>> open(const std::string& path, const Read
   if (format == "rvo2-text") return detail::open_rvo2_text(path, options);
   if (format == "menge-scb") return detail::open_menge_scb(path, options);
   if (format == "jupedsim-hdf5") return detail::open_hdf5(path, options);
+  if (format == "throng-recording") return detail::open_recording(path, options);
   return fault(path, absl::StrCat("format is ", detail::quoted(format), ", must be one of ",
                                   absl::StrJoin(format_names(), ", ")));
 }

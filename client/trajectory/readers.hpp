@@ -23,6 +23,7 @@ ReaderOr open_vadere(const std::string& path, const ReadOptions& options);
 ReaderOr open_sumo_fcd(const std::string& path, const ReadOptions& options);
 ReaderOr open_menge_scb(const std::string& path, const ReadOptions& options);
 ReaderOr open_trajnet(const std::string& path, const ReadOptions& options);
+ReaderOr open_recording(const std::string& path, const ReadOptions& options);
 ReaderOr open_rvo2_text(const std::string& path, const ReadOptions& options);
 
 }  // namespace throng::trajectory::detail

@@ -281,7 +281,7 @@ Crowd::Crowd(std::shared_ptr<const Cast> cast, CrowdSettings settings)
 
 Crowd::~Crowd() = default;
 
-absl::Status Crowd::push(AgentFrame frame) {
+absl::Status Crowd::push(const AgentFrame& frame) {
   const std::lock_guard push_lock(push_mutex_);
   if (absl::Status status = Derive::check(*this, frame); !status.ok()) return status;
 

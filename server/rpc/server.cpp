@@ -178,7 +178,8 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(ServerOptions options,
 
   auto state = std::make_unique<State>();
   state->options = options;
-  state->registry = std::make_unique<Registry>(cast, options.limits, options.playout, options.now);
+  state->registry = std::make_unique<Registry>(cast, options.limits, options.playout, options.now,
+                                               options.record);
   RenderLoopOptions loop_options;
   loop_options.default_vertex_budget = options.default_vertex_budget;
   loop_options.target_ms = options.target_ms;

@@ -10,6 +10,7 @@
 #include "server/rpc/bind_rules.hpp"
 #include "server/scene/limits.hpp"
 #include "server/scene/playout_clock.hpp"
+#include "server/scene/recording.hpp"
 #include "server/view/render_loop.hpp"
 
 namespace throng::server {
@@ -20,6 +21,7 @@ struct ServerOptions {
   ListenOptions listen;
   Limits limits;
   PlayoutSettings playout;
+  RecordSettings record;
   std::uint64_t default_vertex_budget = 1'000'000;
   double target_ms = 0.0;  // over 0: views that ask for no budget get what a frame this long allows
   std::string version = "0";

@@ -7,6 +7,8 @@
 #include <set>
 #include <utility>
 
+#include "throng/render/environment.hpp"
+
 namespace throng::server {
 namespace {
 
@@ -149,19 +151,22 @@ Publication::~Publication() {
   crowd_->on_revoked_ = nullptr;
 }
 
-absl::StatusOr<PushOutcome> Publication::push(render::AgentFrame frame) {
+absl::StatusOr<PushOutcome> Publication::push(const render::AgentFrame& frame) {
   std::shared_ptr<render::Crowd> crowd;
+  std::shared_ptr<Recording> recording;
   {
     const std::lock_guard lock(crowd_->mutex_);
     if (crowd_->owner_ != id_) return absl::AbortedError("another producer has taken over");
     crowd = crowd_->crowd_;
+    recording = crowd_->recording_;
   }
   // The derived columns are computed outside the lock: viewers go on looking meanwhile.
   const std::int64_t time_us = frame.time_us;
   const std::shared_ptr<const render::Snapshot> newest = crowd->newest();
   const bool late = newest != nullptr && time_us <= newest->time_us;
-  if (absl::Status status = crowd->push(std::move(frame)); !status.ok()) return status;
+  if (absl::Status status = crowd->push(frame); !status.ok()) return status;
   if (late) return PushOutcome::kLate;
+  if (recording != nullptr) recording->write(frame);
   const std::lock_guard lock(crowd_->mutex_);
   if (crowd_->owner_ == id_) crowd_->clock_.on_frame(time_us, now_());
   return PushOutcome::kApplied;
@@ -182,24 +187,37 @@ absl::Status Publication::set_walkable_area(std::string wkt) {
     return absl::ResourceExhaustedError(absl::StrCat("environment.walkable_area_wkt: ", wkt.size(),
                                                      " bytes, at most ", max_environment_bytes_));
   }
+  absl::StatusOr<std::string> area = render::walkable_area_of(wkt);
+  if (!area.ok()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("environment.walkable_area_wkt: ", area.status().message()));
+  }
+  wkt = *std::move(area);
   std::shared_ptr<render::Crowd> crowd;
+  std::shared_ptr<Recording> recording;
   {
     const std::lock_guard lock(crowd_->mutex_);
     if (crowd_->owner_ != id_) return absl::OkStatus();
     crowd = crowd_->crowd_;
+    recording = crowd_->recording_;
   }
   if (absl::Status status = environments_->build(crowd_->name(), crowd, wkt); !status.ok()) {
     return absl::InvalidArgumentError(
         absl::StrCat("environment.walkable_area_wkt: ", status.message()));
   }
+  if (recording != nullptr) recording->set_walkable_area(wkt);
   const std::lock_guard lock(crowd_->mutex_);
   if (crowd_->owner_ == id_) crowd_->walkable_area_wkt_ = std::move(wkt);
   return absl::OkStatus();
 }
 
 Registry::Registry(std::shared_ptr<const render::Cast> cast, Limits limits, PlayoutSettings playout,
-                   Now now)
-    : cast_(std::move(cast)), limits_(limits), playout_(playout), now_(std::move(now)) {}
+                   Now now, RecordSettings record)
+    : cast_(std::move(cast)),
+      limits_(limits),
+      playout_(playout),
+      now_(std::move(now)),
+      record_(std::move(record)) {}
 
 absl::StatusOr<std::unique_ptr<Publication>> Registry::start(StartRequest request,
                                                              std::function<void()> on_revoked) {
@@ -244,6 +262,18 @@ absl::StatusOr<std::unique_ptr<Publication>> Registry::start(StartRequest reques
         settings.channel_names.push_back(channel.name);
       }
       // A Crowd of its own for each run: a frame that is being drawn keeps the old one alive.
+      named->recording_ = nullptr;
+      if (!record_.folder.empty()) {
+        named->recording_ = std::make_shared<Recording>(
+            record_, trajectory::RecordingSpec{request.crowd_name,
+                                               request.run_id,
+                                               request.producer,
+                                               {settings.origin_world.x, settings.origin_world.y,
+                                                settings.origin_world.z},
+                                               request.seed,
+                                               request.expected_rate_hz,
+                                               settings.channel_names});
+      }
       named->crowd_ = std::make_shared<render::Crowd>(cast_, std::move(settings));
       named->clock_.start(request.expected_rate_hz);
       named->overview_.forget();

@@ -17,6 +17,7 @@
 #include "server/scene/limits.hpp"
 #include "server/scene/overview.hpp"
 #include "server/scene/playout_clock.hpp"
+#include "server/scene/recording.hpp"
 #include "throng/render/crowd.hpp"
 
 namespace throng::server {
@@ -98,6 +99,7 @@ class NamedCrowd {
   // All below are guarded by mutex_.
   StartRequest start_;
   std::shared_ptr<render::Crowd> crowd_;
+  std::shared_ptr<Recording> recording_;  // of crowd_; null: not recorded
   PlayoutClock clock_;
   OverviewBox overview_;
   std::string walkable_area_wkt_;
@@ -119,7 +121,7 @@ class Publication {
 
   /// Adds a frame to the crowd's history. Errors as render::Crowd::push; Aborted when another
   /// producer has taken over.
-  absl::StatusOr<PushOutcome> push(render::AgentFrame frame);
+  absl::StatusOr<PushOutcome> push(const render::AgentFrame& frame);
   /// A frame that was late by its index and so was never pushed.
   void count_late();
   void count_incomplete();
@@ -153,7 +155,7 @@ class Registry {
   /// `cast` is what crowds choose characters from; it is shared with the renderer.
   Registry(
       std::shared_ptr<const render::Cast> cast, Limits limits, PlayoutSettings playout = {},
-      Now now = [] { return Clock::now(); });
+      Now now = [] { return Clock::now(); }, RecordSettings record = {});
 
   /// Opens a crowd for one producer and creates it if need be. The run that the crowd already
   /// shows is continued when `run_id` is the same (a producer that reconnects, which also ends its
@@ -177,6 +179,7 @@ class Registry {
   Limits limits_;
   PlayoutSettings playout_;
   Now now_;
+  RecordSettings record_;
   mutable std::mutex mutex_;
   std::map<std::string, std::shared_ptr<NamedCrowd>> crowds_;
   std::uint64_t last_publication_ = 0;

@@ -3,7 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <utility>
+
+#include "tests/support/temporary_folder.hpp"
+#include "throng/trajectory/trajectory.hpp"
 
 namespace throng::server {
 namespace {
@@ -195,6 +199,62 @@ TEST_F(RegistryTest, RefusesAWalkableAreaThatIsTooLong) {
   EXPECT_EQ(bad.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_NE(bad.message().find("environment.walkable_area_wkt"), std::string::npos) << bad;
   EXPECT_EQ(registry.list().at(0).walkable_area_wkt, "POLYGON ((0 0, 1 0, 1 1, 0 0))");
+}
+
+class RegistryRecordingTest : public RegistryTest {
+ protected:
+  std::vector<std::string> files() const {
+    std::vector<std::string> found;
+    for (const auto& entry : std::filesystem::directory_iterator(folder.file(""))) {
+      found.push_back(entry.path().string());
+    }
+    return found;
+  }
+
+  test::TemporaryFolder folder;
+  Registry recording{tiny_cast(), limits, {}, [this] { return now; }, {folder.file(""), 1u << 20}};
+};
+
+TEST_F(RegistryRecordingTest, KeepsWhatWasAppliedAcrossAReconnect) {
+  StartRequest request = start_of("hall", "run");
+  request.origin_world = {1000.0, 0.0, 0.0};
+  auto first = *recording.start(request, [] {});
+  ASSERT_TRUE(first->set_walkable_area("POLYGON ((0 0, 1 0, 1 1, 0 0))").ok());
+  EXPECT_TRUE(files().empty()) << "a run without frames leaves no file";
+  ASSERT_TRUE(first->push(frame_of(0, {{1, 2, 0}})).ok());
+  EXPECT_FALSE(first->push(frame_of(50'000, {{1e9F, 2, 0}})).ok());
+  auto again = *recording.start(request, [] {});
+  EXPECT_EQ(*again->push(frame_of(0, {{5, 5, 0}})), PushOutcome::kLate);
+  ASSERT_TRUE(again->push(frame_of(100'000, {{1.5F, 2, 0}, {7, 7, 0}})).ok());
+
+  ASSERT_EQ(files().size(), 1U);
+  auto reader = trajectory::open(files()[0]);
+  ASSERT_TRUE(reader.ok()) << reader.status();
+  EXPECT_EQ((*reader)->info().walkable_area_wkt, "POLYGON ((0 0, 1 0, 1 1, 0 0))");
+  trajectory::Frame frame;
+  ASSERT_TRUE(*(*reader)->next(frame));
+  EXPECT_NEAR(frame.x_m[0], 1001.0, 1e-4);
+  ASSERT_TRUE(*(*reader)->next(frame));
+  EXPECT_EQ(frame.time_us, 100'000);
+  EXPECT_EQ(frame.ids.size(), 2U);
+  EXPECT_FALSE(*(*reader)->next(frame));
+}
+
+TEST_F(RegistryRecordingTest, AnotherRunGetsAnotherFile) {
+  auto first = *recording.start(start_of("hall", "one"), [] {});
+  ASSERT_TRUE(first->push(frame_of(0, {{1, 2, 0}})).ok());
+  StartRequest request = start_of("hall", "two");
+  request.take_over = true;
+  auto second = *recording.start(request, [] {});
+  ASSERT_TRUE(second->push(frame_of(0, {{1, 2, 0}})).ok());
+  EXPECT_EQ(files().size(), 2U);
+}
+
+TEST_F(RegistryRecordingTest, ABrokenDiskDisturbsNobody) {
+  Registry broken(tiny_cast(), limits, {}, [this] { return now; }, {folder.file("gone"), 1u << 20});
+  auto producer = *broken.start(start_of("hall", "one"), [] {});
+  EXPECT_TRUE(producer->push(frame_of(0, {{1, 2, 0}})).ok());
+  EXPECT_TRUE(producer->push(frame_of(1, {{1, 2, 0}})).ok());
 }
 
 }  // namespace

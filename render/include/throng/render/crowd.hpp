@@ -106,7 +106,7 @@ class Crowd {
   /// Adds a frame. A frame not newer than the newest is counted (late, duplicate) and dropped: OK.
   /// InvalidArgument names the column, the row, the value and the limit: wrong length, a position
   /// that is not finite or beyond 1e7 m, an id twice, an unknown character.
-  absl::Status push(AgentFrame frame);
+  absl::Status push(const AgentFrame& frame);
 
   /// The snapshots around `time_us`; both null while the crowd is empty.
   Bracket bracket(std::int64_t time_us) const;

@@ -31,6 +31,7 @@ struct Info {
   std::string walkable_area_wkt;           // empty if the file has none
   std::vector<std::string> channel_names;  // extra columns that become colour channels
   std::vector<std::string> notes;          // what was ignored or assumed, for the user
+  std::optional<std::uint64_t> seed;       // of a recording: with an id, decided who it was
 };
 
 /// One sample of the crowd. Columns have one entry per agent; an absent agent has left.

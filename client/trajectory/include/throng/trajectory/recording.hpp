@@ -1,0 +1,65 @@
+#pragma once
+
+#include <absl/status/status.h>
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace throng::trajectory {
+
+/// What a recording says of its crowd before the first frame.
+struct RecordingSpec {
+  std::string crowd;  // of A-Z a-z 0-9 _ . - ; names the files
+  std::string run_id, producer;
+  std::array<double, 3> origin_m{};  // positions are offsets from it
+  std::uint64_t seed = 0;            // with an agent's id, decides who it is
+  double rate_hz = 0.0;              // nominal; 0: not known
+  std::vector<std::string> channel_names;
+};
+
+/// Keeps what a producer sends in files that `open` reads again ("throng-recording").
+///
+/// A file is a row of records, each with a checksum and each written by one call, so that a process
+/// that is killed at any moment leaves every complete frame. Positions are kept in steps of 0.1 mm
+/// (more beyond 200 km from the origin), headings in 0.1 mrad, channels as they are; the
+/// differences in time are compressed by zstd. Nothing is synced to the disk: a machine that loses
+/// power may lose the last seconds.
+///
+/// FOLDER/CROWD.20260131T235959Z.0001.trec is the first part of a run; parts are an eighth of the
+/// limit and each can be read alone. When all parts of the crowd in the folder, also of runs
+/// before, outgrow the limit, the oldest are removed.
+///
+/// Files are made with the first frame. After an error nothing more is written and every call
+/// returns that error. Not thread safe.
+class RecordingWriter {
+ public:
+  /// @param limit_bytes  of all parts of this crowd; a frame that is larger is written all the same
+  RecordingWriter(std::string folder, RecordingSpec spec, std::uint64_t limit_bytes);
+  ~RecordingWriter();
+  RecordingWriter(const RecordingWriter&) = delete;
+  RecordingWriter& operator=(const RecordingWriter&) = delete;
+
+  /// The columns of all later frames: ids [A] and names [A] or none.
+  void set_members(std::span<const std::uint64_t> ids, std::span<const std::string> names);
+  /// The walkable area from now on.
+  absl::Status set_walkable_area(const std::string& wkt);
+  /// @param position_m   [3A] finite, within +-1e7
+  /// @param heading_rad  [A] or empty; NaN: unknown
+  /// @param channels     [channel][A] or empty
+  /// ResourceExhausted when the disk is full, Unavailable when it cannot be written.
+  absl::Status write(std::int64_t time_us, std::span<const float> position_m,
+                     std::span<const float> heading_rad,
+                     std::span<const std::vector<float>> channels);
+
+  const std::string& path() const;  // of the part that is written; empty before the first frame
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace throng::trajectory

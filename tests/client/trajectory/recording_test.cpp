@@ -1,0 +1,195 @@
+#include "throng/trajectory/recording.hpp"
+
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <limits>
+
+#include "fixture.hpp"
+
+namespace throng::trajectory {
+namespace {
+
+using test::expect_error;
+using test::FileTest;
+using test::read_all;
+using test::Reading;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+std::string bytes_of(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+class RecordingTest : public FileTest {
+ protected:
+  static RecordingSpec spec() {
+    RecordingSpec spec;
+    spec.crowd = "hall";
+    spec.producer = "test";
+    spec.origin_m = {692'000.0, 5'337'000.0, 500.0};
+    spec.seed = 11;
+    spec.channel_names = {"mood"};
+    return spec;
+  }
+  static float x_at(std::uint64_t id, int frame) {
+    return 0.37F * static_cast<float>(id) + 0.0123F * static_cast<float>(frame * (id % 5));
+  }
+  /// Frames of `agents` who walk; at frame 5 the first leaves and another comes.
+  static void write_frames(RecordingWriter& writer, int first, int last, std::uint64_t agents) {
+    for (int frame = first; frame < last; ++frame) {
+      if (frame == first || frame == 5) {
+        std::vector<std::uint64_t> ids;
+        std::vector<std::string> names;
+        for (std::uint64_t i = 0; i < agents; ++i) ids.push_back((frame >= 5 ? 2 : 1) + i);
+        for (const std::uint64_t id : ids)
+          names.push_back(id % 2 ? std::string("p").append(std::to_string(id)) : "");
+        writer.set_members(ids, names);
+      }
+      std::vector<float> position, heading;
+      std::vector<std::vector<float>> channels(1);
+      for (std::uint64_t i = 0; i < agents; ++i) {
+        const std::uint64_t id = (frame >= 5 ? 2 : 1) + i;
+        position.insert(position.end(), {x_at(id, frame), -4.5F, id == 3 ? 1.25F : 0.0F});
+        heading.push_back(id % 7 == 0 ? std::numeric_limits<float>::quiet_NaN()
+                                      : std::remainder(0.1F * static_cast<float>(frame), 6.28F));
+        channels[0].push_back(0.1F * static_cast<float>(id) - static_cast<float>(frame));
+      }
+      ASSERT_TRUE(writer.write(1'000'000 + frame * 100'000, position, heading, channels).ok());
+    }
+  }
+  std::string recorded(int frames, std::uint64_t agents = 20) {
+    RecordingWriter writer(path(""), spec(), 1u << 30);
+    EXPECT_TRUE(writer.set_walkable_area("POLYGON ((0 0, 9 0, 9 9, 0 0))").ok());
+    write_frames(writer, 0, frames, agents);
+    return writer.path();
+  }
+};
+
+TEST_F(RecordingTest, ReadsBackAsItWasSent) {
+  const Reading reading = read_all(recorded(12));
+  ASSERT_TRUE(reading.status.ok()) << reading.status;
+  EXPECT_EQ(reading.info.format, "throng-recording");
+  EXPECT_EQ(reading.info.seed, 11U);
+  EXPECT_THAT(reading.info.channel_names, ElementsAre("mood"));
+  EXPECT_THAT(reading.info.walkable_area_wkt, HasSubstr("POLYGON"));
+  EXPECT_TRUE(reading.info.notes.empty());
+  ASSERT_EQ(reading.frames.size(), 12U);
+  for (int f = 0; f < 12; ++f) {
+    const Frame& frame = reading.frames[static_cast<std::size_t>(f)];
+    EXPECT_EQ(frame.time_us, f * 100'000);
+    ASSERT_EQ(frame.ids.size(), 20U);
+    EXPECT_EQ(frame.ids[0], f >= 5 ? 2U : 1U);
+    for (std::size_t i = 0; i < 20; ++i) {
+      EXPECT_NEAR(frame.x_m[i], 692'000.0 + static_cast<double>(x_at(frame.ids[i], f)), 0.6e-4);
+      EXPECT_NEAR(frame.y_m[i], 5'337'000.0 - 4.5, 0.6e-4);
+      EXPECT_NEAR(frame.z_m[i], frame.ids[i] == 3 ? 501.25 : 500.0, 0.6e-4);
+      EXPECT_EQ(frame.channels[0][i],
+                0.1F * static_cast<float>(frame.ids[i]) - static_cast<float>(f));
+      EXPECT_EQ(std::isnan(frame.heading_rad[i]), frame.ids[i] % 7 == 0);
+      if (frame.ids[i] % 7 != 0) {
+        EXPECT_NEAR(frame.heading_rad[i], 0.1 * f, 1e-4);
+      }
+    }
+  }
+}
+
+TEST_F(RecordingTest, KeepsNames) {
+  absl::StatusOr<std::unique_ptr<Reader>> reader = open(recorded(2));
+  ASSERT_TRUE(reader.ok()) << reader.status();
+  EXPECT_EQ((*reader)->agent_name(3), "p3");
+  EXPECT_EQ((*reader)->agent_name(4), "");
+}
+
+TEST_F(RecordingTest, CutAnywhereItGivesEveryCompleteFrame) {
+  const std::string whole = bytes_of(recorded(8, 3));
+  std::size_t frames_before = 0;
+  for (std::size_t size = whole.size() % 5; size <= whole.size(); size += 5) {
+    const Reading reading = read_all(write("cut.trec", whole.substr(0, size)));
+    if (!reading.status.ok()) {
+      EXPECT_THAT(std::string(reading.status.message()), HasSubstr("cut.trec"));
+      EXPECT_EQ(frames_before, 0U) << "a frame was lost at " << size;
+      continue;
+    }
+    EXPECT_GE(reading.frames.size(), frames_before) << "at " << size;
+    frames_before = reading.frames.size();
+  }
+  EXPECT_EQ(frames_before, 8U);
+}
+
+TEST_F(RecordingTest, AFlippedBitIsFoundAndWhatIsBeforeItIsGiven) {
+  std::string bytes = bytes_of(recorded(8));
+  bytes[bytes.size() * 3 / 4] ^= 4;
+  const Reading reading = read_all(write("bad.trec", bytes));
+  expect_error(reading.status, {"bad.trec", "byte ", "damaged"});
+  EXPECT_GT(reading.frames.size(), 2U);
+}
+
+TEST_F(RecordingTest, SurvivesMutations) {
+  test::survive_mutations(recorded(8), path("mutant.trec"), 300);
+}
+
+TEST_F(RecordingTest, FarFromTheOriginStepsGrow) {
+  RecordingWriter writer(path(""), spec(), 1u << 30);
+  const std::uint64_t id = 1;
+  writer.set_members({&id, 1}, {});
+  const std::vector<float> xs = {1.0F, 9.9e6F, -9.9e6F, 2.0F};
+  for (std::size_t i = 0; i < xs.size(); ++i) {
+    const float position[] = {xs[i], 0.0F, 0.0F};
+    ASSERT_TRUE(writer.write(static_cast<std::int64_t>(i), position, {}, {}).ok());
+  }
+  const float bad[] = {std::numeric_limits<float>::quiet_NaN(), 0.0F, 0.0F};
+  EXPECT_FALSE(writer.write(20, bad, {}, {}).ok());
+  const Reading reading = read_all(writer.path());
+  ASSERT_EQ(reading.frames.size(), xs.size());
+  for (std::size_t i = 0; i < xs.size(); ++i) {
+    EXPECT_NEAR(reading.frames[i].x_m[0], 692'000.0 + static_cast<double>(xs[i]), 0.01);
+  }
+}
+
+TEST_F(RecordingTest, KeepsToItsLimitAndReadsOnFromPartToPart) {
+  constexpr std::uint64_t kLimit = 128u << 10;
+  RecordingWriter writer(path(""), spec(), kLimit);
+  write_frames(writer, 0, 3000, 100);
+  std::uint64_t bytes = 0;
+  std::string oldest, other = write("hall2.20260101T000000Z.0001.trec", "another crowd's");
+  for (const auto& entry : std::filesystem::directory_iterator(path(""))) {
+    const std::string name = entry.path().filename().string();
+    if (name.rfind("hall.", 0) != 0) continue;
+    bytes += entry.file_size();
+    if (oldest.empty() || entry.path().string() < oldest) oldest = entry.path().string();
+  }
+  EXPECT_LE(bytes, kLimit);
+  EXPECT_GT(bytes, kLimit / 2);
+  EXPECT_THAT(oldest, ::testing::Not(HasSubstr(".0001.trec")));
+  const Reading reading = read_all(oldest);
+  ASSERT_TRUE(reading.status.ok()) << reading.status;
+  ASSERT_GT(reading.frames.size(), 500U) << "it goes on in the parts after it";
+  EXPECT_NEAR(reading.frames.back().x_m[0], 692'000.0 + static_cast<double>(x_at(2, 2999)), 0.6e-4);
+  EXPECT_TRUE(std::filesystem::exists(other));
+}
+
+TEST_F(RecordingTest, WhatCannotBeWrittenEndsItWithOneError) {
+  RecordingSpec bad = spec();
+  RecordingWriter writer(path("no-such-folder"), bad, 1u << 20);
+  const std::uint64_t id = 1;
+  writer.set_members({&id, 1}, {});
+  const float position[] = {0.0F, 0.0F, 0.0F};
+  const absl::Status status = writer.write(0, position, {}, {});
+  EXPECT_FALSE(status.ok());
+  EXPECT_THAT(std::string(status.message()), HasSubstr("no-such-folder"));
+  EXPECT_EQ(writer.write(1, position, {}, {}), status);
+}
+
+TEST_F(RecordingTest, RefusesAnotherRate) {
+  ReadOptions options;
+  options.source_fps = 10.0;
+  expect_error(read_all(recorded(2), options).status, {"--source-fps"});
+}
+
+}  // namespace
+}  // namespace throng::trajectory

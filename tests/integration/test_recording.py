@@ -1,0 +1,125 @@
+"""What throng-server --record keeps, also when it is killed in the middle of it."""
+
+import json
+import re
+import subprocess
+
+import numpy as np
+import pytest
+import throng
+
+from conftest import BUILD
+
+
+@pytest.fixture
+def server(tmp_path):
+    """A server with a page's worth of flags; `kill` is a real kill -9."""
+    running = []
+
+    def start(*flags):
+        process = subprocess.Popen(
+            [str(BUILD / "bin/throng-server"), "--listen", "127.0.0.1:0", "--log-level", "off", *map(str, flags)],
+            stdout=subprocess.PIPE, text=True)
+        running.append(process)
+        for line in process.stdout:
+            if ready := re.match(r"throng-server ready on (\S+),", line):
+                return process, ready[1]
+        pytest.fail("the server did not start")
+
+    yield start
+    for process in running:
+        process.kill()
+        process.wait()
+
+
+def walk(url, frames, agents=300, noise_m=0.0):
+    """Publishes people who walk until as many frames were applied; returns where they were."""
+    ids = np.arange(1, agents + 1)
+    rng = np.random.default_rng(4)
+    start = rng.uniform(0, 40, (agents, 2))
+    sent = {}
+    with throng.connect(url, "hall", channels=["mood"], queue_frames=frames) as crowd:
+        for step in range(frames):
+            sent[step] = start + (0.1 * step, 0.02 * step) + rng.normal(0, noise_m, (agents, 2))
+            crowd.publish(t=step * 0.1, ids=ids, positions=sent[step], mood=np.full(agents, step, np.float32))
+        assert crowd.close(60.0), crowd.stats
+        assert crowd.stats.applied == frames
+    return sent
+
+
+def test_killed_server_leaves_every_frame_that_was_applied(server, program, tmp_path):
+    folder = tmp_path / "runs"
+    process, url = server("--record", folder)
+    sent = walk(url, 60)
+    process.kill()  # SIGKILL
+    process.wait()
+
+    [part] = folder.iterdir()
+    assert re.fullmatch(r"hall\.\d{8}T\d{6}Z\.0001\.trec", part.name)
+    info = json.loads(program("throng", "info", part, "--json").stdout)
+    assert info["format"] == "throng-recording"
+    assert (info["frames"], info["agents"]) == (60, 300)
+
+    # Torn in the middle of the last frame, as a kill within the write leaves it: one frame less.
+    torn = tmp_path / "torn.trec"
+    torn.write_bytes(part.read_bytes()[:-7])
+    done = program("throng", "convert", torn, "torn.csv")
+    assert done.returncode == 0, done.stderr
+    assert "cut short" in done.stderr
+    rows = np.genfromtxt(tmp_path / "torn.csv", delimiter=",", names=True)
+    assert len(rows) == 59 * 300
+    for step in (0, 31, 58):
+        of_step = rows[np.isclose(rows["time_s"], step * 0.1)]
+        at = of_step[np.argsort(of_step["id"])]
+        assert np.abs(np.stack([at["x_m"], at["y_m"]], axis=1) - sent[step]).max() < 1e-4
+        assert (at["mood"] == step).all()
+
+
+def test_recording_is_played_again_by_publish(server, program, tmp_path):
+    process, url = server("--record", tmp_path / "runs")
+    walk(url, 20, agents=50)
+    process.terminate()
+    assert process.wait() == 0
+    [part] = (tmp_path / "runs").iterdir()
+
+    _, again = server()
+    done = program("throng", "publish", part, "--crowd", "again", "--rate", "20", THRONG_URL=again)
+    assert done.returncode == 0, done.stderr
+    assert "20 frames published, 20 applied, 0 dropped" in done.stderr
+    [crowd] = json.loads(program("throng", "crowds", "--json", THRONG_URL=again).stdout)["crowds"]
+    assert crowd["agents"] == 50
+
+
+def test_recording_keeps_to_its_limit(server, tmp_path):
+    process, url = server("--record", tmp_path / "runs", "--record-mib", "1")
+    walk(url, 100, agents=4000, noise_m=0.05)
+    process.kill()
+    process.wait()
+    parts = sorted((tmp_path / "runs").iterdir())
+    assert len(parts) > 2
+    assert not parts[0].name.endswith(".0001.trec"), "the oldest was removed"
+    assert sum(part.stat().st_size for part in parts) <= 1 << 20
+
+
+def test_folder_that_cannot_be_written_is_refused_at_once(program, tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    done = program("throng-server", "--listen", "127.0.0.1:0", "--record", tmp_path / "file")
+    assert done.returncode == 3
+    assert "--record" in done.stderr
+
+
+def test_site_of_a_published_file_is_kept_with_it(server, program, tmp_path):
+    (tmp_path / "walk.csv").write_text("time,id,x,y\n0,1,1,1\n1,1,2,1\n")
+    (tmp_path / "hall.scenario").write_text(json.dumps({"scenario": {"topography": {"attributes": {
+        "bounds": {"x": 0, "y": 0, "width": 9, "height": 9}, "boundingBoxWidth": 0.5}}}}))
+    process, url = server("--record", tmp_path / "runs")
+    done = program("throng", "publish", "walk.csv", "--crowd", "hall", "--environment", "hall.scenario", "--rate", "100",
+                   THRONG_URL=url)
+    assert done.returncode == 0, done.stderr
+    (tmp_path / "bad.json").write_text("{}")
+    bad = program("throng", "publish", "walk.csv", "--crowd", "bad", "--environment", "bad.json", "--wait", "2", THRONG_URL=url)
+    assert bad.returncode != 0 and "neither" in bad.stderr
+    process.kill()
+    process.wait()
+    [part] = (tmp_path / "runs").glob("hall.*")
+    assert json.loads(program("throng", "info", part, "--json").stdout)["walkable_area"]
