@@ -2,6 +2,8 @@
 #include <spdlog/spdlog.h>
 
 #include <deque>
+#include <exception>
+#include <new>
 #include <utility>
 
 #include "server/rpc/convert.hpp"
@@ -24,7 +26,7 @@ class PublishStream final : public BidiStream<v1::PublishAgentsRequest, v1::Publ
  private:
   void on_message() override {
     services().worker->post([this, keep = shared_from_this()] {
-      if (absl::Status status = handle(request()); !status.ok()) {
+      if (absl::Status status = handle_all(request()); !status.ok()) {
         spdlog::debug("connection={} event=publish_refused crowd={} status=\"{}\"", connection(),
                       crowd_name(), status.ToString());
         // Before the producer hears of it: when it comes back, the crowd must be free.
@@ -73,6 +75,17 @@ class PublishStream final : public BidiStream<v1::PublishAgentsRequest, v1::Publ
     ack.set_outcome(outcome);
     ack.set_viewers(publication_->viewers());
     acknowledge(std::move(response));
+  }
+
+  /// What a message makes us allocate ends its stream, never the process.
+  absl::Status handle_all(const v1::PublishAgentsRequest& message) {
+    try {
+      return handle(message);
+    } catch (const std::bad_alloc&) {
+      return absl::ResourceExhaustedError("message: there is not enough memory for it");
+    } catch (const std::exception& error) {
+      return absl::InternalError(absl::StrCat("message: ", error.what()));
+    }
   }
 
   absl::Status handle(const v1::PublishAgentsRequest& message) {

@@ -1,5 +1,9 @@
 #include "server/view/frame_renderer.hpp"
 
+#include <absl/strings/str_cat.h>
+
+#include <exception>
+#include <new>
 #include <utility>
 
 namespace throng::server {
@@ -13,7 +17,14 @@ class PipelineRenderer final : public FrameRenderer {
   absl::Status render(const render::Crowd& crowd, std::int64_t scene_time_us,
                       const render::ViewSettings& settings, render::Picture& picture,
                       render::FrameStats& stats) override {
-    return pipeline_->render(crowd, scene_time_us, settings, picture, stats);
+    // A view that is too large for this machine's memory is that viewer's error.
+    try {
+      return pipeline_->render(crowd, scene_time_us, settings, picture, stats);
+    } catch (const std::bad_alloc&) {
+      return absl::ResourceExhaustedError("render: there is not enough memory for this frame");
+    } catch (const std::exception& error) {
+      return absl::InternalError(absl::StrCat("render: ", error.what()));
+    }
   }
   std::string compute_name() const override { return pipeline_->backend_name(); }
   std::string raster_name() const override { return pipeline_->raster_info().name; }

@@ -1,5 +1,7 @@
 #include "render/compute/cpu/work_pool.hpp"
 
+#include <exception>
+
 namespace throng::render {
 
 WorkPool::WorkPool(unsigned threads) {
@@ -35,10 +37,26 @@ void WorkPool::run_job(std::size_t chunk_count, Function function, void* context
     return;
   }
   const std::lock_guard turn(caller_mutex_);
+  // What a chunk throws (there is no memory) ends the job and goes to the caller, as if it had done
+  // the chunk itself; out of a thread of the pool it would end the process.
+  struct Guarded {
+    Function function;
+    void* context;
+    std::atomic<bool> has_failed{false};
+    std::exception_ptr error{};
+  } guarded{function, context};
   {
     const std::lock_guard lock(mutex_);
-    function_ = function;
-    context_ = context;
+    function_ = [](void* job, std::size_t chunk, unsigned worker) {
+      auto& self = *static_cast<Guarded*>(job);
+      if (self.has_failed.load(std::memory_order_relaxed)) return;
+      try {
+        self.function(self.context, chunk, worker);
+      } catch (...) {
+        if (!self.has_failed.exchange(true)) self.error = std::current_exception();
+      }
+    };
+    context_ = &guarded;
     chunk_count_ = chunk_count;
     next_chunk_.store(0, std::memory_order_relaxed);
     busy_ = static_cast<unsigned>(workers_.size());
@@ -48,6 +66,8 @@ void WorkPool::run_job(std::size_t chunk_count, Function function, void* context
   take_chunks(0);
   std::unique_lock lock(mutex_);
   done_.wait(lock, [this] { return busy_ == 0; });
+  lock.unlock();
+  if (guarded.error != nullptr) std::rethrow_exception(guarded.error);
 }
 
 void WorkPool::work(unsigned worker) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <new>
 #include <numeric>
 #include <thread>
 #include <vector>
@@ -32,6 +33,22 @@ TEST(WorkPoolTest, ChunksCoverTheRangeWithoutOverlap) {
     for (std::size_t i = begin; i < end; ++i) ++visits[i];
   });
   for (const int visit : visits) EXPECT_EQ(visit, 1);
+}
+
+TEST(WorkPoolTest, WhatAChunkThrowsReachesTheCallerAndThePoolWorksOn) {
+  for (const unsigned threads : {1U, 4U}) {
+    WorkPool pool(threads);
+    for (int round = 0; round < 20; ++round) {
+      EXPECT_THROW(pool.run(50,
+                            [&](std::size_t chunk, unsigned) {
+                              if (chunk % 7 == 3) throw std::bad_alloc();
+                            }),
+                   std::bad_alloc);
+      std::vector<int> runs(50, 0);
+      pool.run(runs.size(), [&](std::size_t chunk, unsigned) { ++runs[chunk]; });
+      EXPECT_EQ(std::accumulate(runs.begin(), runs.end(), 0), 50);
+    }
+  }
 }
 
 TEST(WorkPoolTest, JobsOfSeveralCallersFollowEachOther) {
