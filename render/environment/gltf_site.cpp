@@ -335,10 +335,16 @@ class Site {
     if (++triangles_ > kMostTriangles) {
       return wrong(absl::StrCat("it has over ", kMostTriangles, " triangles of at most 16 m"));
     }
+    if (pieces_.size() > kMostSquares) {
+      return wrong(absl::StrCat("it is in over ", kMostSquares, " squares of ", kPieceM, " m"));
+    }
     piece_at(pieces_, glm::dvec2((a + b + c) / 3.0))
         .add(glm::vec3(a), glm::vec3(b), glm::vec3(c), glm::vec3(across / size), u);
     return absl::OkStatus();
   }
+
+  // A far corner would make a map of nothing but squares.
+  static constexpr std::size_t kMostSquares = 32'768;
 
   const std::string folder_;
   const glm::dvec3 origin_;
