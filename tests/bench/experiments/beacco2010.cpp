@@ -247,7 +247,8 @@ absl::StatusOr<double> ssim_of(const Shot& impostor, const Shot& mesh) {
 
 absl::Status figure_47(const Common& common, const BeaccoOptions& options,
                        nlohmann::ordered_json& json) {
-  const auto cast = cast_of(*common.cast, 10, nullptr);
+  const simplify::ReliefOptions by_relevance;
+  const auto cast = cast_of(*common.cast, 10, &by_relevance);
   auto crowd = square(cast, 400);
   if (!crowd.ok()) return crowd.status();
   auto pipeline = render::FramePipeline::make(
