@@ -149,8 +149,11 @@ class Runner {
     if (auto status = check_levels(*character); !status.ok()) return status;
     if (options_.relief.uniform_px > 0 || options_.relief.texel_m > 0.0F) {
       auto relief = bake_relief(*character, options_.relief);
-      if (!relief.ok()) return relief.status();
-      character->relief = render::make_relief(*std::move(relief));
+      if (relief.ok()) {
+        character->relief = render::make_relief(*std::move(relief));
+      } else {  // it is drawn as a mesh everywhere
+        result->notes.push_back(absl::StrCat("no impostor: ", relief.status().message()));
+      }
     }
     entry.bake_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     if (auto status = render::write_character(*character, path); !status.ok()) return status;
