@@ -39,6 +39,7 @@ inline constexpr std::uint32_t kMaxNameSize = 1024;
 inline constexpr std::uint32_t kMaxCollapseDepth = 4096;  // longest chain of collapse targets
 inline constexpr std::uint32_t kMaxReliefBoxes = 256;     // one for each joint
 inline constexpr std::uint32_t kMaxReliefTexels = 1U << 26;
+inline constexpr std::uint32_t kMaxPoints = 1U << 16;
 inline constexpr float kMaxCoordinate_m = 1.0e6F;
 
 struct FileHeader {
@@ -72,6 +73,9 @@ enum class Section : std::uint32_t {
   kBaseColor = 17,
   kTintMask = 18,
   kImpostor = 19,  // ReliefHeader, ReliefBox[box_count], then three columns of texel_count words
+  kPoint = 24,
+  kPointRadius = 25,
+  kPointTone = 26,
 };
 
 struct SectionEntry {
@@ -101,7 +105,8 @@ struct Info {
   std::uint32_t tint_mask_width_px, tint_mask_height_px, tint_mask_levels;
   float bounds[4];
   float height_m;
-  std::uint32_t reserved[13];
+  std::uint32_t reserved[12];
+  std::uint32_t point_count;  // 0: no surface points
 };
 static_assert(sizeof(Info) == 128);
 

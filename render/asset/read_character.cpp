@@ -264,6 +264,16 @@ absl::StatusOr<Character> read_sections(std::span<const std::byte> file) {
     character.tint_mask = read_image(sections, Section::kTintMask, info.tint_mask_width_px,
                                      info.tint_mask_height_px, info.tint_mask_levels);
   }
+  if (info.point_count > layout::kMaxPoints) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("info: point count is ", info.point_count, ", limit ", layout::kMaxPoints));
+  }
+  if (info.point_count > 0) {
+    character.points.point = sections.get<SurfacePoint>(Section::kPoint, info.point_count);
+    character.points.radius_m = sections.get<float>(Section::kPointRadius, info.point_count);
+    character.points.tone =
+        sections.get<PointTone>(Section::kPointTone, point_tone_count(info.point_count));
+  }
   if (!sections.status().ok()) return sections.status();
   auto relief = read_relief(sections.bytes(Section::kImpostor));
   if (!relief.ok()) return relief.status();

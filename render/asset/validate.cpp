@@ -52,6 +52,12 @@ const char* name_of(Section section) {
       return "tint mask";
     case Section::kImpostor:
       return "impostor";
+    case Section::kPoint:
+      return "point";
+    case Section::kPointRadius:
+      return "point radius";
+    case Section::kPointTone:
+      return "point tone";
   }
   return "unknown";
 }
@@ -295,6 +301,41 @@ absl::Status check_image(const char* section, const MipImage& image, bool requir
   return absl::OkStatus();
 }
 
+absl::Status check_points(const Character& character) {
+  const SurfacePoints& points = character.points;
+  const std::uint32_t count = points.count();
+  if (points.point.size() > layout::kMaxPoints) {
+    return bad("point has ", points.point.size(), " elements, limit ", layout::kMaxPoints);
+  }
+  if (auto status = check_size("point radius", points.radius_m.size(), count); !status.ok())
+    return status;
+  if (auto status = check_size("point tone", points.tone.size(), point_tone_count(count));
+      !status.ok()) {
+    return status;
+  }
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const SurfacePoint& point = points.point[i];
+    std::uint32_t sum = 0;
+    for (int k = 0; k < 4; ++k) {
+      if (!(k == 3 || is_coordinate(point.position[k])))
+        return bad("point ", i, " has a position that is not finite");
+      if (point.joint_index[k] >= character.joints.size()) {
+        return bad("point ", i, " has joint ", int{point.joint_index[k]}, ", must be below ",
+                   character.joints.size());
+      }
+      sum += point.joint_weight[k];
+    }
+    if (sum != 255) return bad("point ", i, " has weights that sum to ", sum, ", must be 255");
+    const float least = i + 1 < count ? points.radius_m[i + 1] : 0.0F;
+    if (!(is_coordinate(points.radius_m[i]) && points.radius_m[i] > 0.0F &&
+          points.radius_m[i] >= least)) {
+      return bad("point radius ", i, " is ", points.radius_m[i],
+                 " m, must be over 0 and not under the next one's ", least);
+    }
+  }
+  return absl::OkStatus();
+}
+
 Character view_of(const std::shared_ptr<const CharacterData>& data) {
   Character character;
   character.name = data->name;
@@ -319,6 +360,7 @@ Character view_of(const std::shared_ptr<const CharacterData>& data) {
                           data->base_color_levels, data->base_color};
   character.tint_mask = {data->tint_mask_width_px, data->tint_mask_height_px,
                          data->tint_mask_levels, data->tint_mask};
+  character.points = {data->point, data->point_radius_m, data->point_tone};
   character.storage = data;
   return character;
 }
@@ -334,6 +376,7 @@ absl::Status validate(const Character& character) {
     return status;
   if (auto status = check_image("tint mask", character.tint_mask, false); !status.ok())
     return status;
+  if (auto status = check_points(character); !status.ok()) return status;
   if (character.relief == nullptr) return absl::OkStatus();
   return validate_relief(*character.relief, character.joints.size(),
                          character.palette.size() / character.joints.size());

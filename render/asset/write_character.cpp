@@ -112,6 +112,7 @@ absl::Status write_character(const Character& character, const std::string& path
   info.tint_mask_levels = character.tint_mask.level_count;
   for (int i = 0; i < 4; ++i) info.bounds[i] = character.bounds[i];
   info.height_m = character.height_m;
+  info.point_count = character.points.count();
 
   std::vector<layout::JointRecord> joints;
   for (const Joint& joint : character.joints) {
@@ -170,6 +171,12 @@ absl::Status write_character(const Character& character, const std::string& path
     append(relief.color.data(), relief.color.size_bytes());
     append(relief.tint.data(), relief.tint.size_bytes());
     columns.push_back(column<char>(Section::kImpostor, impostor));
+  }
+
+  if (character.points.count() > 0) {
+    columns.push_back(column(Section::kPoint, character.points.point));
+    columns.push_back(column(Section::kPointRadius, character.points.radius_m));
+    columns.push_back(column(Section::kPointTone, character.points.tone));
   }
 
   std::vector<layout::SectionEntry> table;

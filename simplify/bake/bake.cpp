@@ -10,6 +10,7 @@
 
 #include "simplify/bake/clips.hpp"
 #include "simplify/bake/joints.hpp"
+#include "simplify/points/points.hpp"
 
 namespace throng::simplify {
 namespace {
@@ -131,6 +132,7 @@ absl::StatusOr<BakeResult> bake(const SourceCharacter& original, const BakeOptio
   data.tint_mask_height_px = surface->tint_mask.height_px;
   data.tint_mask_levels = surface->tint_mask.level_count;
   data.tint_mask = std::move(surface->tint_mask.texels);
+  sample_points(data);
   result.point_count = surface->point_count();
   result.pose_count = poses.count;
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();

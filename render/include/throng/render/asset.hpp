@@ -54,6 +54,42 @@ struct MipImage {
   std::span<const std::uint8_t> texels;  // all levels, one after the other
 };
 
+/// A sample of the surface, skinned like a vertex. 24 bytes.
+struct SurfacePoint {
+  glm::vec3 position{0.0F};  // bind pose
+  glm::i16vec2 normal{0};    // octahedral snorm16
+  glm::u8vec4 joint_index{0};
+  glm::u8vec4 joint_weight{0};  // sums to 255, strongest first
+};
+static_assert(sizeof(SurfacePoint) == 24);
+
+/// The textures' mean around a surface sample. 8 bytes.
+struct PointTone {
+  std::uint32_t base = 0;     // square roots of the linear colour, 10 bits each, r lowest
+  std::uint32_t regions = 0;  // tint mask, 8 bits each, skin lowest
+};
+static_assert(sizeof(PointTone) == 8);
+
+/// Samples of a character's surface, the most important first: any first n of them cover it with
+/// spheres of radius_m[n - 1]. Empty where a character has none.
+///
+/// Tones are kept as mip levels are: level l is for the first P >> l points and holds the mean over
+/// what is nearer to each than to any other of them. Levels follow one another.
+struct SurfacePoints {
+  std::span<const SurfacePoint> point;  // [P]
+  std::span<const float> radius_m;      // [P] in the bind pose; never rises
+  std::span<const PointTone> tone;      // [P + P/2 + P/4 + ... + 1]
+
+  std::uint32_t count() const { return static_cast<std::uint32_t>(point.size()); }
+};
+
+/// Tones over all levels of `count` points.
+constexpr std::uint32_t point_tone_count(std::uint32_t count) {
+  std::uint32_t tones = 0;
+  for (; count > 0; count >>= 1) tones += count;
+  return tones;
+}
+
 /// Bits of Character::triangle_flags.
 inline constexpr std::uint8_t kTriangleDoubleSided = 1;
 inline constexpr std::uint8_t kTriangleAlphaCutout = 2;  // texels with alpha under 128 are holes
@@ -88,6 +124,7 @@ struct Character {
   MipImage base_color;                   // sRGB
   MipImage tint_mask;                    // weights r skin, g hair, b top, a bottom; may be empty
   std::shared_ptr<const Relief> relief;  // impostor; null: none was baked
+  SurfacePoints points;
   std::shared_ptr<const void> storage;
 
   std::uint32_t vertex_count() const { return static_cast<std::uint32_t>(position.size()); }
@@ -132,6 +169,9 @@ struct CharacterData {
   std::vector<std::uint8_t> base_color;
   std::uint32_t tint_mask_width_px = 0, tint_mask_height_px = 0, tint_mask_levels = 0;
   std::vector<std::uint8_t> tint_mask;
+  std::vector<SurfacePoint> point;
+  std::vector<float> point_radius_m;
+  std::vector<PointTone> point_tone;
 };
 
 /// Checks every promise of `Character` (shapes, index ranges, finite numbers, weight sums,
