@@ -220,7 +220,10 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
     selection.geometry = state.geometry;
     selection.on_device = state.rasterizer->takes_device();
     // a rasterizer that draws nothing else is given meshes
-    if (!state.rasterizer->draws(Representation::kImpostor)) selection.form = FormRule::kMesh;
+    if (!state.rasterizer->draws(selection.form == FormRule::kPoints ? Representation::kPoints
+                                                                     : Representation::kImpostor)) {
+      selection.form = FormRule::kMesh;
+    }
     for (;;) {
       status = state.backend->select(view, selection);
       if (!status.ok()) return status;

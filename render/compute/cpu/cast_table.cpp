@@ -11,20 +11,40 @@
 namespace throng::render {
 namespace {
 
+TableVertex table_vertex(const glm::vec3& position_m, const glm::i16vec2& normal,
+                         const glm::u8vec4& joint_index, const glm::u8vec4& joint_weight,
+                         const glm::u16vec2& uv) {
+  TableVertex vertex;
+  vertex.position_m = position_m;
+  vertex.normal = element::unpack_octahedral(normal);
+  vertex.joint_index = joint_index;
+  vertex.uv = uv;
+  const glm::vec4 weight = element::joint_weights(joint_weight);
+  for (int k = 0; k < 4; ++k) {
+    vertex.weight[k] = weight[k];
+    // so that a joint nobody needs is not looked at
+    if (weight[k] == 0.0F) vertex.joint_index[k] = vertex.joint_index[0];
+  }
+  return vertex;
+}
+
 std::vector<TableVertex> table_vertices(const Character& character) {
-  std::vector<TableVertex> result(character.vertex_count());
-  for (std::size_t i = 0; i < result.size(); ++i) {
-    TableVertex& vertex = result[i];
-    vertex.position_m = character.position[i];
-    vertex.normal = element::unpack_octahedral(character.normal[i]);
-    vertex.joint_index = character.joint_index[i];
-    vertex.uv = character.uv[i];
-    const glm::vec4 weight = element::joint_weights(character.joint_weight[i]);
-    for (int k = 0; k < 4; ++k) {
-      vertex.weight[k] = weight[k];
-      // so that a joint nobody needs is not looked at
-      if (weight[k] == 0.0F) vertex.joint_index[k] = vertex.joint_index[0];
-    }
+  std::vector<TableVertex> result;
+  result.reserve(character.vertex_count());
+  for (std::size_t i = 0; i < character.vertex_count(); ++i) {
+    result.push_back(table_vertex(character.position[i], character.normal[i],
+                                  character.joint_index[i], character.joint_weight[i],
+                                  character.uv[i]));
+  }
+  return result;
+}
+
+std::vector<TableVertex> table_points(const Character& character) {
+  std::vector<TableVertex> result;
+  result.reserve(character.points.count());
+  for (const SurfacePoint& point : character.points.point) {
+    result.push_back(
+        table_vertex(point.position, point.normal, point.joint_index, point.joint_weight, {}));
   }
   return result;
 }
@@ -43,15 +63,21 @@ std::vector<element::JointMatrix> columns_of(std::span<const Affine> palette) {
 void order_joints(CharacterTable& table, std::uint32_t joint_count) {
   std::vector<bool> is_known(joint_count, false);
   table.joint_count_at.push_back(0);
-  for (const TableVertex& vertex : table.vertex) {
+  const auto add = [&](const TableVertex& vertex) {
     for (int k = 0; k < 4; ++k) {
       const std::uint8_t joint = vertex.joint_index[k];
       if (is_known[joint]) continue;
       is_known[joint] = true;
       table.joint_order.push_back(joint);
     }
+  };
+  for (const TableVertex& vertex : table.vertex) {
+    add(vertex);
     table.joint_count_at.push_back(static_cast<std::uint32_t>(table.joint_order.size()));
   }
+  // points are skinned with all joints that there are
+  for (const TableVertex& point : table.point) add(point);
+  table.joint_count_at.back() = static_cast<std::uint32_t>(table.joint_order.size());
 }
 
 std::vector<LadderLevel> make_ladder(const Character& character) {
@@ -83,6 +109,7 @@ absl::StatusOr<std::shared_ptr<const CastTable>> make_cast_table(std::shared_ptr
     entry.character = &character;
     entry.gait = gait_of(character);
     entry.vertex = table_vertices(character);
+    entry.point = table_points(character);
     entry.palette = columns_of(character.palette);
     order_joints(entry, character.joint_count());
     entry.ladder = make_ladder(character);

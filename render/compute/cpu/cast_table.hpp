@@ -43,6 +43,7 @@ struct CharacterTable {
   // corners are at most a few collapses away from its own.
   std::vector<LadderLevel> ladder;
   ErrorTable error;
+  std::vector<TableVertex> point;  // [P] Character::points as they are skinned
 };
 
 /// The cast on the processor.

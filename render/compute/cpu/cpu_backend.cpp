@@ -133,6 +133,10 @@ class CpuBackend final : public ComputeBackend {
       return absl::InvalidArgumentError(
           absl::StrCat("select: alpha is ", selection.alpha, ", must be 3"));
     }
+    if (!(selection.point_size_px > 0.0F)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("select: point_size_px is ", selection.point_size_px, ", must be > 0"));
+    }
     try {
       render::select(*own, selection, machine());
       own->stage = ViewStage::kSelected;
@@ -170,7 +174,8 @@ class CpuBackend final : public ComputeBackend {
       // scratch is by worker and shared by the views, so one view is generated at a time
       const std::lock_guard lock(generate_mutex_);
       own->stage = ViewStage::kAllocated;
-      if (absl::Status status = render::generate(*own, machine(), bank_, scratch_); !status.ok()) {
+      if (absl::Status status = render::generate(*own, machine(), bank_, point_bank_, scratch_);
+          !status.ok()) {
         return status;
       }
       own->stage = ViewStage::kGenerated;
@@ -192,7 +197,8 @@ class CpuBackend final : public ComputeBackend {
             own->posed != nullptr ? own->posed->data() : nullptr,
             own->representation.span(),
             own->jointed.span(),
-            {reinterpret_cast<const float*>(own->joints.data()), 16 * own->joints.size()}};
+            {reinterpret_cast<const float*>(own->joints.data()), 16 * own->joints.size()},
+            own->splats.span()};
   }
 
   ComputeCounters counters(const ViewWork& view) const override {
@@ -222,6 +228,7 @@ class CpuBackend final : public ComputeBackend {
     }
     counters.view_bytes = own->size_bytes();
     if (own->stage < ViewStage::kGenerated) return counters;
+    for (const std::uint32_t held : own->held_poses) counters.held_poses += held;
     counters.posed_meshes = own->posed_meshes;
     counters.posed_bytes = own->posed_bytes;
     return counters;
@@ -254,7 +261,7 @@ class CpuBackend final : public ComputeBackend {
   std::shared_ptr<const CastTable> cast_;
   std::shared_ptr<InstancesPool> instances_pool_ = std::make_shared<InstancesPool>();
   std::mutex generate_mutex_;
-  PosedBank bank_;  // guarded by generate_mutex_
+  PosedBank bank_, point_bank_;  // guarded by generate_mutex_
   const Kernels& kernels_;
   WorkPool pool_;
   std::vector<WorkerScratch> scratch_;

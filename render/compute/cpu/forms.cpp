@@ -144,9 +144,12 @@ void choose_forms(CpuView& view, const Selection& selection, WorkPool& pool) {
   pool.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v) {
       const VisibleInstance& instance = view.visible[v];
-      const Character& character = *view.instances->cast->characters[instance.character].character;
-      const bool has_form = form != Representation::kImpostor || character.relief != nullptr;
-      view.representation[v] = instance.slot < agents && has_form ? form : Representation::kMesh;
+      const CharacterTable& table = view.instances->cast->characters[instance.character];
+      bool has_form = instance.slot < agents;
+      // a character that was baked without has its mesh
+      if (form == Representation::kImpostor) has_form &= table.character->relief != nullptr;
+      if (form == Representation::kPoints) has_form &= !table.point.empty();
+      view.representation[v] = has_form ? form : Representation::kMesh;
     }
   });
 }

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <limits>
 
@@ -32,7 +33,7 @@ void make_posed(const Kernels& kernels, const CharacterTable& table, std::uint32
   instance.vertex_count = count;
   scratch.vertices.resize(stride);
   kernels.pose_palette(table, state, count, scratch.palette.data());
-  kernels.skin(table, instance, 0, scratch.palette.data(), scratch.vertices.data());
+  kernels.skin(table.vertex.data(), instance, 0, scratch.palette.data(), scratch.vertices.data());
   glm::vec3 low(std::numeric_limits<float>::max()), high(-low);
   float* column = out + kPosedHeader;
   for (std::uint32_t i = 0; i < stride; ++i) {
@@ -123,9 +124,48 @@ void place_posed(const float* posed, std::uint32_t stride, const CharacterTable&
   }
 }
 
+/// True where the agent's pose is not due and was drawn just so in the frame before, from where its
+/// vertices are moved.
+bool move_held(const CpuView& view, std::size_t v, std::uint32_t first_vertex, BatchVertex* out) {
+  const VisibleInstance& instance = view.visible[v];
+  const MotionUpdate& motion = view.motion;
+  const float beyond_m = view.distance_m[v] - motion.distance_m;
+  const CpuView::Held& held = view.held[instance.slot];
+  if (!(beyond_m > 0.0F) || held.first == CpuView::Held::kNothing ||
+      held.count != instance.vertex_count || held.character != instance.character ||
+      held.seed != instance.seed || held.first + held.count > view.held_vertices.size()) {
+    return false;
+  }
+  const float steps = std::min(std::floor(motion.k_per_m * beyond_m), 1.0e6F);
+  const std::uint64_t every = 1 + static_cast<std::uint64_t>(std::max(steps, 0.0F));
+  if ((motion.frame + instance.slot) % every == 0) return false;
+  const glm::vec3 moved = instance.position_relative - held.position_relative;
+  const BatchVertex* from = view.held_vertices.data() + held.first;
+  for (std::uint32_t i = 0; i < held.count; ++i) {
+    out[first_vertex + i] = from[i];
+    out[first_vertex + i].position_relative += moved;
+    out[first_vertex + i].visible = static_cast<std::uint32_t>(v);
+  }
+  return true;
+}
+
+/// Tells the next frame where this one's vertices are.
+void remember_vertices(CpuView& view) {
+  if (view.held.empty()) return;
+  std::fill(view.held.begin(), view.held.end(), CpuView::Held{});
+  for (std::size_t v = 0; v < view.visible.size(); ++v) {
+    const VisibleInstance& instance = view.visible[v];
+    const std::uint32_t first = view.vertex_offset[v];
+    const std::uint32_t count = view.vertex_offset[v + 1] - first;
+    if (count == 0) continue;
+    view.held[instance.slot] = {first, count, instance.character, instance.seed,
+                                instance.position_relative};
+  }
+}
+
 }  // namespace
 
-absl::Status generate(CpuView& view, Machine machine, PosedBank& bank,
+absl::Status generate(CpuView& view, Machine machine, PosedBank& bank, PosedBank& point_bank,
                       std::vector<WorkerScratch>& scratch) {
   const Kernels& kernels = machine.kernels;
   const std::size_t count = view.visible.size();
@@ -133,6 +173,8 @@ absl::Status generate(CpuView& view, Machine machine, PosedBank& bank,
   const CastTable& cast = *instances.cast;
   view.shared.resize(view.geometry == GeometryKind::kFused ? count : 0);
   view.posed_meshes = 0;
+  view.held_poses.assign(scratch.size(), 0);
+  view.splats.resize(0);
   if (count == 0) return absl::OkStatus();
 
   // chunks of about equal work: vertices, and a share for each instance's palette
@@ -159,6 +201,8 @@ absl::Status generate(CpuView& view, Machine machine, PosedBank& bank,
   }
   if (absl::Status status = find_meshes(view, machine, bank, scratch); !status.ok()) return status;
   make_joints(view, machine);
+  if (absl::Status status = make_splats(view, machine, point_bank, scratch); !status.ok())
+    return status;
   const LevelTable& levels = cast.levels;
   machine.pool.run(chunks, [&](std::size_t chunk, unsigned worker) {
     element::JointMatrix* palette = scratch[worker].palette.data();
@@ -197,14 +241,19 @@ absl::Status generate(CpuView& view, Machine machine, PosedBank& bank,
       }
       if (view.geometry == GeometryKind::kFused)
         view.shared[v] = {SharedInstance::kOwn, 0, 0, 0, 0, 0};
-      kernels.pose_palette(table, instances.state[instance.slot], instance.vertex_count, palette);
-      kernels.skin(table, instance, static_cast<std::uint32_t>(v), palette,
-                   view.vertices.data() + view.vertex_offset[v]);
+      if (!view.held.empty() && move_held(view, v, view.vertex_offset[v], view.vertices.data())) {
+        ++view.held_poses[worker];
+      } else {
+        kernels.pose_palette(table, instances.state[instance.slot], instance.vertex_count, palette);
+        kernels.skin(table.vertex.data(), instance, static_cast<std::uint32_t>(v), palette,
+                     view.vertices.data() + view.vertex_offset[v]);
+      }
       write_triangles(kernels, table, instance, view.vertex_offset[v],
                       scratch[worker].corner.data(),
                       view.indices.data() + std::size_t{3} * view.triangle_offset[v]);
     }
   });
+  remember_vertices(view);
   return absl::OkStatus();
 }
 

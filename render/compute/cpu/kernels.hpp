@@ -54,7 +54,7 @@ struct Kernels {
   void (*pose_palette)(const CharacterTable& table, const element::InstanceState& state,
                        std::uint32_t vertex_count, element::JointMatrix* palette);
 
-  void (*skin)(const CharacterTable& table, const VisibleInstance& instance, std::uint32_t visible,
+  void (*skin)(const TableVertex* vertices, const VisibleInstance& instance, std::uint32_t visible,
                const element::JointMatrix* palette, BatchVertex* out);
 
   /// Corners `corner[0, count)` of a ladder level with `level_count` vertices, moved to the first

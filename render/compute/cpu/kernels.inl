@@ -121,12 +121,11 @@ inline __m128i pack_four(__m128 n0, __m128 n1, __m128 n2, __m128 n3) {
   return _mm_or_si128(_mm_and_si128(iu, _mm_set1_epi32(0xffff)), _mm_slli_epi32(iv, 16));
 }
 
-void skin(const CharacterTable& table, const VisibleInstance& instance, std::uint32_t visible,
+void skin(const TableVertex* vertices, const VisibleInstance& instance, std::uint32_t visible,
           const element::JointMatrix* palette, BatchVertex* out) {
   const __m128 feet = _mm_setr_ps(instance.position_relative.x, instance.position_relative.y,
                                   instance.position_relative.z, 0.0F);
   const std::uint32_t count = instance.vertex_count;
-  const TableVertex* vertices = table.vertex.data();
   for (std::uint32_t i = 0; i < count; i += 4) {
     __m128 normal[4];
     std::uint32_t index[4];
@@ -160,10 +159,10 @@ void skin(const CharacterTable& table, const VisibleInstance& instance, std::uin
 
 #else
 
-void skin(const CharacterTable& table, const VisibleInstance& instance, std::uint32_t visible,
+void skin(const TableVertex* vertices, const VisibleInstance& instance, std::uint32_t visible,
           const element::JointMatrix* palette, BatchVertex* out) {
   for (std::uint32_t i = 0; i < instance.vertex_count; ++i) {
-    const TableVertex& vertex = table.vertex[i];
+    const TableVertex& vertex = vertices[i];
     const Lanes m = blend(vertex, palette);
     const element::SkinnedVertex skinned =
         element::transform(m.v, vertex.position_m, vertex.normal);

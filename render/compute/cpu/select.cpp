@@ -140,6 +140,7 @@ void select(CpuView& view, const Selection& selection, Machine machine) {
   const std::size_t count = view.visible.size();
   view.share.resize(count);
   view.geometry = selection.geometry;
+  view.motion = selection.motion;
   choose_tiers(view, selection.pose_mode, machine.pool);
   choose_forms(view, selection, machine.pool);
   if (selection.form == FormRule::kMixed) {
@@ -187,7 +188,23 @@ void select(CpuView& view, const Selection& selection, Machine machine) {
     rate = search.low;
   }
   dealer.assign(rate);
+  choose_points(view, selection.point_size_px, machine.pool);
 }
+
+namespace {
+
+/// The vertices of the frame before, for who is moved as it was.
+void keep_vertices(CpuView& view) {
+  if (!(view.motion.distance_m > 0.0F)) {
+    view.held.clear();
+    view.held_vertices.resize(0);
+    return;
+  }
+  std::swap(view.vertices, view.held_vertices);
+  view.held.resize(view.instances->count);
+}
+
+}  // namespace
 
 absl::Status allocate(CpuView& view) {
   const std::size_t count = view.visible.size();
@@ -210,6 +227,7 @@ absl::Status allocate(CpuView& view) {
   }
   view.vertex_offset[count] = static_cast<std::uint32_t>(vertices);
   view.triangle_offset[count] = static_cast<std::uint32_t>(triangles);
+  keep_vertices(view);
   view.vertices.resize(vertices);
   view.indices.resize(3 * triangles);
   return absl::OkStatus();

@@ -47,10 +47,22 @@ struct CpuView final : ViewWork {
   Buffer<Representation> representation;  // [V], empty: all are kMesh
   Buffer<JointedInstance> jointed;        // [V] where representation is not empty
   Buffer<element::JointMatrix> joints;
-  Buffer<std::uint32_t> shared_joints;    // [characters * kSharedPoses] first joint
+  Buffer<std::uint32_t> shared_joints;  // [characters * kSharedPoses] first joint
+  Buffer<Splat> splats;
+  Buffer<std::uint32_t> splat_offset;     // [V+1]
   Buffer<std::uint32_t> vertex_offset;    // [V+1]
   Buffer<std::uint32_t> triangle_offset;  // [V+1]
   Buffer<BatchVertex> vertices;
+  MotionUpdate motion;
+  struct Held {  // what a slot had in the frame before
+    static constexpr std::uint32_t kNothing = 0xffffffffU;
+    std::uint32_t first = kNothing;  // in held_vertices
+    std::uint32_t count = 0, character = 0, seed = 0;
+    glm::vec3 position_relative{0.0F};
+  };
+  std::vector<Held> held;  // [I], empty: nothing is held
+  Buffer<BatchVertex> held_vertices;
+  std::vector<std::uint32_t> held_poses;  // by worker
   Buffer<std::uint32_t> indices;
   std::vector<std::uint32_t> chunk_count;  // visible instances by chunk of slots
   std::vector<std::uint64_t> chunk_sum, chunk_least, chunk_free;
@@ -66,8 +78,9 @@ struct CpuView final : ViewWork {
     return mask.size_bytes() + visible.size_bytes() + distance_m.size_bytes() + share.size_bytes() +
            tier.size_bytes() + shared.size_bytes() + mesh.size_bytes() +
            representation.size_bytes() + jointed.size_bytes() + joints.size_bytes() +
-           shared_joints.size_bytes() + vertex_offset.size_bytes() + triangle_offset.size_bytes() +
-           vertices.size_bytes() + indices.size_bytes();
+           splats.size_bytes() + splat_offset.size_bytes() + shared_joints.size_bytes() +
+           vertex_offset.size_bytes() + triangle_offset.size_bytes() + vertices.size_bytes() +
+           indices.size_bytes();
   }
 };
 inline constexpr std::uint8_t kOwnPose = 0xff;
@@ -103,6 +116,13 @@ void deal_by_error(CpuView& view, const Selection& selection, WorkPool& pool);
 /// What each visible agent is drawn as, once its pose's tier is chosen.
 void choose_forms(CpuView& view, const Selection& selection, WorkPool& pool);
 
+/// How many points each agent that is drawn so gets: so many that none is larger than `size_px`.
+void choose_points(CpuView& view, float size_px, WorkPool& pool);
+
+/// The points themselves. ResourceExhausted beyond kMostSplats or the bank's limit.
+absl::Status make_splats(CpuView& view, Machine machine, PosedBank& bank,
+                         std::vector<WorkerScratch>& scratch);
+
 /// Joint matrices of all agents that are impostors or points.
 void make_joints(CpuView& view, Machine machine);
 
@@ -110,7 +130,8 @@ void make_joints(CpuView& view, Machine machine);
 absl::Status allocate(CpuView& view);
 
 /// ResourceExhausted when the posed meshes need more than the bank's limit.
-absl::Status generate(CpuView& view, Machine machine, PosedBank& bank,
+/// @param point_bank  posed points, which agents share as they share meshes.
+absl::Status generate(CpuView& view, Machine machine, PosedBank& bank, PosedBank& point_bank,
                       std::vector<WorkerScratch>& scratch);
 
 }  // namespace throng::render

@@ -16,6 +16,7 @@
 #include "render/raster/scene.hpp"
 #include "render/raster/visibility/cpu/relief.hpp"
 #include "render/raster/visibility/cpu/shade.hpp"
+#include "render/raster/visibility/cpu/splat.hpp"
 #include "render/raster/visibility/cpu/tile.hpp"
 #include "render/raster/visibility/element/shadow.hpp"
 #include "render/raster/visibility/element/word.hpp"
@@ -68,7 +69,7 @@ struct TileScratch {
   TilePlanes shadow;  // depth: share of light that a cast shadow takes
   FigureItems figures;
   ShadeItems flat_items;
-  SurfaceItems surface_items;
+  SurfaceItems surface_items, splat_items;
   alignas(64) std::uint32_t relief_texels[kTileSamples * kTileSamples];
   SharedScratch shared;
   std::vector<std::uint64_t> order;
@@ -94,7 +95,7 @@ class VisibilityRasterizer final : public Rasterizer {
   }
 
   bool takes_fused() const override { return true; }
-  bool draws(Representation form) const override { return form <= Representation::kImpostor; }
+  bool draws(Representation form) const override { return form <= Representation::kPoints; }
   RasterCounters counters() const override;
   absl::Status keep_facts(PixelFacts* facts) override {
     facts_ = facts;
@@ -115,7 +116,7 @@ class VisibilityRasterizer final : public Rasterizer {
   void bin_shadows(const FrameGeometry& geometry, const SceneFrame& scene,
                    const Viewport& viewport);
   void collect_facts(int tile_x_px, int tile_y_px, int width, int height, int picture_width,
-                     const TilePlanes& planes) const;
+                     std::span<const Splat> splats, const TilePlanes& planes) const;
   void prefetch(const FrameGeometry& geometry, const DrawnInstance& drawn) const;
   InstanceTriangles own_triangles(const FrameGeometry& geometry, const DrawnInstance& drawn,
                                   bool clipped) const;
@@ -181,6 +182,7 @@ class VisibilityRasterizer final : public Rasterizer {
   std::vector<std::unique_ptr<TileScratch>> scratch_;
   std::shared_ptr<const Cast> cast_;
   TextureStore textures_;
+  SplatStage splats_;
   std::vector<std::uint8_t> double_sided_;  // by character
   std::vector<Cutout> cutouts_;             // by character; no flags: no triangle has holes
 
@@ -255,6 +257,7 @@ RasterCounters VisibilityRasterizer::counters() const {
     add(projected->inverse_w);
   }
   for (const TriangleList& list : lists_) sum.size_bytes += list.size_bytes();
+  sum.size_bytes += splats_.size_bytes();
   add(bins_.entries);
   add(bins_.next);
   add(blob_bins_.entries);
@@ -317,6 +320,10 @@ absl::Status VisibilityRasterizer::check(const FrameGeometry& geometry,
     return absl::InvalidArgumentError(absl::StrCat("visibility draw: viewport is ",
                                                    viewport.width_px, "x", viewport.height_px,
                                                    " px, each side must be 1 to ", kMaxSidePx));
+  }
+  if (geometry.splats.size() > kMostSplats) {
+    return absl::ResourceExhaustedError(absl::StrCat("visibility draw: ", geometry.splats.size(),
+                                                     " splats, at most ", kMostSplats));
   }
   const std::size_t count = geometry.instances.size();
   if (count == 0) return absl::OkStatus();
@@ -747,19 +754,22 @@ void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, int tile
           }
           if (kind == BlockKind::kOneTriangle) {
             background = 0.0F;
-            add(x, y, block_instance_[element::block_of(ids[at])], ids[at], 15);
+            if (element::class_of(ids[at]) != element::SampleClass::kPoint)
+              add(x, y, block_instance_[element::block_of(ids[at])], ids[at], 15);
             continue;
           }
           const std::size_t places[4] = {at, at + 1, at + 4, at + 5};
-          std::uint32_t instance_of[4];
-          unsigned rest = 0;
+          std::uint32_t instance_of[4] = {};
+          unsigned rest = 0, covered = 0;
           for (unsigned k = 0; k < 4; ++k) {
             const bool is_here = depth[places[k]] != 0.0F;
+            covered |= static_cast<unsigned>(is_here) << k;
+            if (element::class_of(ids[places[k]]) == element::SampleClass::kPoint) continue;
             rest |= static_cast<unsigned>(is_here) << k;
             // ids where nothing is are 0: a block that exists
             instance_of[k] = block_instance_[element::block_of(ids[places[k]])];
           }
-          background = 1.0F - kSamplePlaces[rest].weight;
+          background = 1.0F - kSamplePlaces[covered].weight;
           while (rest != 0) {
             const int first = __builtin_ctz(rest);
             unsigned same = 0;
@@ -777,7 +787,8 @@ void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, int tile
 }
 
 void VisibilityRasterizer::collect_facts(int tile_x_px, int tile_y_px, int width, int height,
-                                         int picture_width, const TilePlanes& planes) const {
+                                         int picture_width, std::span<const Splat> splats,
+                                         const TilePlanes& planes) const {
   for (int y = 0; y < height; ++y) {
     const auto row =
         static_cast<std::size_t>(tile_y_px + y) * static_cast<std::size_t>(picture_width);
@@ -786,9 +797,15 @@ void VisibilityRasterizer::collect_facts(int tile_x_px, int tile_y_px, int width
       const std::size_t places[4] = {at, at + 1, at + 4, at + 5};
       std::uint32_t shown[4];
       for (int k = 0; k < 4; ++k) {
-        shown[k] = planes.depth[places[k]] == 0.0F
-                       ? PixelFacts::kNothing
-                       : block_instance_[element::block_of(planes.id[places[k]])];
+        const std::uint32_t id = planes.id[places[k]];
+        if (planes.depth[places[k]] == 0.0F) {
+          shown[k] = PixelFacts::kNothing;
+        } else if (element::class_of(id) == element::SampleClass::kPoint) {
+          const std::uint32_t visible = splats[SplatStage::number_of(id)].visible;
+          shown[k] = visible == kNobody ? PixelFacts::kNothing : visible;
+        } else {
+          shown[k] = block_instance_[element::block_of(id)];
+        }
       }
       std::uint32_t best = PixelFacts::kNothing;
       int best_count = 0;
@@ -890,9 +907,10 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
   const int height = std::min(kTilePx, static_cast<int>(viewport.height_px) - tile_y_px);
   const int tile_x = tile_x_px * 2, tile_y = tile_y_px * 2;
 
+  const bool has_splats = splats_.any(tile);
   const bool may_draw = count_ > 0 && !bins_.of(tile).empty();
-  if (may_draw) clear_tile(scratch.planes);
-  bool empty = true;
+  if (may_draw || has_splats) clear_tile(scratch.planes);
+  bool empty = !has_splats;
   if (may_draw) {
     const std::span<const std::uint64_t> list = bins_.of(tile);
     // near to far, so that what is hidden is known to be when its turn comes
@@ -941,6 +959,7 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
       empty = false;
     }
   }
+  if (has_splats) splats_.draw(tile, tile_x, tile_y, scratch.planes);
   if (empty && (!scene.shadows || count_ == 0 ||
                 (blob_bins_.of(tile).empty() && caster_bins_.of(tile).empty()))) {
     for (int y = 0; y < height; ++y) {
@@ -960,7 +979,7 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
     collect_items(geometry, tile_x_px, tile_y_px, width, height, scratch);
     if (facts_ != nullptr) {
       collect_facts(tile_x_px, tile_y_px, width, height, static_cast<int>(viewport.width_px),
-                    scratch.planes);
+                    geometry.splats, scratch.planes);
     }
     const SharedMeshes shared{geometry.posed, levels_.corners.data(), uv_.data(),
                               shared_shades_.data(), tones_.data()};
@@ -980,6 +999,12 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
     };
     add_colors(scratch.flat_items);
     add_colors(scratch.surface_items);
+    if (has_splats) {
+      SplatStage::collect(scratch.planes, geometry.splats, width, height,
+                          static_cast<std::uint32_t>(count_), scratch.splat_items);
+      shade_surface_items(scene, shades_.data(), scratch.splat_items);
+      add_colors(scratch.splat_items);
+    }
   }
   add_background(scene, tile, tile_x_px, tile_y_px, width, height, scratch, geometry);
   for (int y = 0; y < height; ++y) {
@@ -1034,6 +1059,17 @@ absl::Status VisibilityRasterizer::draw(const FrameGeometry& geometry, const Cam
         }
         facts_->bounds[i] = {drawn.x_low / 2, drawn.y_low / 2, drawn.x_high / 2, drawn.y_high / 2};
       }
+    }
+    splats_.clear();
+    if (!geometry.splats.empty()) {
+      if (block_instance_.empty()) block_instance_.resize(1);  // of samples where nothing is
+      // the light of splats of nobody
+      if (count_ == 0) shades_.clear();
+      shades_.push_back(InstanceShade{});
+      shades_.back().feet_relative.z = scene.ground_relative_m;
+      shades_.back().channel = kNoChannel;
+      splats_.place(geometry.splats, grid_, scene, glm::mat3(view_from_relative(camera)), tiles_x_,
+                    tiles_y_, pool_);
     }
     pool_.run(std::size_t{tiles_x_} * tiles_y_, [&](std::size_t tile, unsigned worker) {
       draw_tile(geometry, scene, viewport, tile, *scratch_[worker], picture);

@@ -82,6 +82,26 @@ absl::Status run_figure7(const Common& common, const PaperOptions& options) {
                {},
                false};
   };
+  // the point-based method: surface samples as large as is told, each agent in its own pose
+  const auto points = [&](const std::string& name, float size_px) {
+    return Way{name,
+               [&, size_px](Walkthrough& crowd, std::uint32_t frame,
+                            const render::Camera& camera) -> absl::StatusOr<double> {
+                 render::ViewSettings view;
+                 view.camera = camera;
+                 view.viewport = common.viewport;
+                 view.selection.form = render::FormRule::kPoints;
+                 view.selection.point_size_px = size_px;
+                 view.pose_mode = render::PoseMode::kExact;
+                 render::FrameStats stats;
+                 const absl::Status status = (*pipeline)->render(
+                     crowd.crowd(), Walkthrough::time_us(frame), view, picture, stats);
+                 if (!status.ok()) return status;
+                 return static_cast<double>(stats.counters.vertices);  // points
+               },
+               {},
+               false};
+  };
   const auto theirs = [&](const std::string& name, bool discrete) {
     return Way{name,
                [&, discrete](Walkthrough& crowd, std::uint32_t frame,
@@ -109,6 +129,11 @@ absl::Status run_figure7(const Common& common, const PaperOptions& options) {
   }
   ways.push_back(ours("full detail, " + raster, kFullDetail, render::LodRule::kBudget));
   const std::size_t full = ways.size() - 1;
+  // gl has no points yet
+  if (options.raster == render::RasterKind::kVisibility) {
+    ways.push_back(points("points of 1.25 px", 1.25F));
+    ways.push_back(points("points of 3 px", 3.0F));
+  }
   ways.push_back(theirs("discrete LOD, gl instancing", true));
   ways.push_back(theirs("full detail, gl pseudo-instancing", false));
 

@@ -28,7 +28,7 @@ TEST(FormsTest, ImpostorsHaveJointsInsteadOfVertices) {
   const auto crowd = test::walking_crowd(cast, 60, 20.0);
   test::Stage stage(cast);
   stage.advance(*crowd, 0);
-  for (const FormRule form : {FormRule::kImpostor, FormRule::kPoints}) {
+  for (const FormRule form : {FormRule::kImpostor}) {
     for (const GeometryKind kind : {GeometryKind::kBatched, GeometryKind::kFused}) {
       stage.finish(with(form, PoseMode::kShared, kind));
       const FrameGeometry geometry = stage.geometry();

@@ -89,7 +89,7 @@ TEST_P(KernelsTest, SkinningGivesTheBytesOfTheElement) {
     std::vector<BatchVertex> out(instance.vertex_count + 1);
     out.back().visible = 0xabcdefU;
     out.back().position_relative.x = 77.0F;
-    tested.skin(entry, instance, 9, palette, out.data());
+    tested.skin(entry.vertex.data(), instance, 9, palette, out.data());
     EXPECT_EQ(out.back().visible, 0xabcdefU);
     EXPECT_EQ(out.back().position_relative.x, 77.0F);
     for (std::uint32_t i = 0; i < instance.vertex_count; ++i) {

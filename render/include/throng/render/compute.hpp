@@ -59,6 +59,19 @@ struct ViewWork {
   virtual ~ViewWork() = default;
 };
 
+/// Variable-frequency motion update (Lyu et al., 3.1): who is farther than `distance_m` is posed
+/// only every f-th frame and moved as it is in between,
+///
+///     f = 1 + floor(k (D - distance_m))
+///
+/// evenly spread over the frames by slot. The paper's own formula is not in our copy; this one is
+/// reconstructed from its text. Pictures then depend on the frames before, so it is off by default.
+struct MotionUpdate {
+  float distance_m = 0.0F;  // 0: every agent in every frame
+  float k_per_m = 0.075F;   // 0.05 to 0.1
+  std::uint64_t frame = 0;  // rises by one from frame to frame of a view
+};
+
 /// LOD selection by equation 1 of Dong & Peng 2019 with w_i = A_i / D_i, alpha = 3.
 struct Selection {
   std::uint64_t vertex_budget = 1'000'000;  // N
@@ -69,7 +82,10 @@ struct Selection {
   // what the agents are drawn as; the cuda backend makes kMesh of it so far
   FormRule form = FormRule::kMesh;
   MixedForms mixed;
-  bool on_device = false;  // leave batched geometry where it was made; of cuda only
+  // diameter of the points of who is drawn so; as many points as need not be larger
+  float point_size_px = 1.25F;
+  MotionUpdate motion = {};  // of agents with vertices of their own
+  bool on_device = false;    // leave batched geometry where it was made; of cuda only
 };
 
 /// Geometry in the memory of a device; each backend derives its own.
@@ -112,6 +128,7 @@ struct FrameGeometry {
   std::span<const Representation> representation = {};  // [V], empty: all are kMesh
   std::span<const JointedInstance> jointed = {};        // [V] where representation is not empty
   std::span<const float> joints = {};
+  std::span<const Splat> splats = {};  // points, of agents and of crowds too far to be listed
   const DeviceGeometry* on_device = nullptr;  // else the spans are empty
 };
 inline constexpr std::uint32_t kPosedHeader = 16;  // values before a posed mesh's columns
@@ -122,6 +139,7 @@ struct ComputeCounters {
   std::uint32_t drawn_as[kRepresentations] = {};  // visible agents by Representation
   std::uint64_t vertices = 0, triangles = 0;
   std::uint64_t effective_budget = 0;  // max(N, sum of n_min)
+  std::uint32_t held_poses = 0;        // agents moved as they were (MotionUpdate)
   std::uint32_t shared_poses = 0;      // agents that share theirs
   std::uint32_t posed_meshes = 0;      // made for this frame; the rest were there
   std::uint64_t view_bytes = 0;        // memory of the view

@@ -15,6 +15,19 @@ struct BatchVertex {
 };
 static_assert(sizeof(BatchVertex) == 24);
 
+/// A point of an agent's surface: a disc that faces along its normal. 32 bytes.
+struct Splat {
+  glm::vec3 position_relative;  // metres, world axes, relative to the camera's eye
+  float radius_m;               // negative: a disc without a side, which always faces the eye
+  glm::i16vec2 normal;          // octahedral snorm16, world axes
+  std::uint32_t base;           // colour: square roots of linear components, 10 bits, r lowest
+  std::uint32_t regions;        // tint mask, 8 bits each
+  std::uint32_t visible;        // index into the visible list; kNobody: one colour, no channel
+};
+static_assert(sizeof(Splat) == 32);
+inline constexpr std::uint32_t kNobody = 0xffffffffU;
+inline constexpr std::uint64_t kMostSplats = (1U << 30) - 1;  // of a frame: their number in a word
+
 /// What shading needs of a visible instance. 48 bytes.
 struct VisibleInstance {
   glm::vec3 position_relative;  // of the feet

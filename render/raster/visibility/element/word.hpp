@@ -24,6 +24,9 @@ THRONG_HOST_DEVICE inline std::uint32_t sample_id(SampleClass kind, std::uint32_
                                                   std::uint32_t triangle) {
   return (static_cast<std::uint32_t>(kind) << 30) | (block << 7) | triangle;
 }
+THRONG_HOST_DEVICE inline SampleClass class_of(std::uint32_t id) {
+  return static_cast<SampleClass>(id >> 30);
+}
 THRONG_HOST_DEVICE inline std::uint32_t block_of(std::uint32_t id) {
   return (id >> 7) & (kMaxBlocks - 1);
 }

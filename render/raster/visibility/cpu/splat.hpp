@@ -1,0 +1,70 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <span>
+#include <vector>
+
+#include "render/compute/cpu/work_pool.hpp"
+#include "render/raster/scene.hpp"
+#include "render/raster/visibility/cpu/shade.hpp"
+#include "render/raster/visibility/cpu/tile.hpp"
+#include "throng/render/vertex.hpp"
+
+namespace throng::render::visibility {
+
+/// A splat's disc on the sample grid: the samples (x + i, y + j) with
+///
+///     i^2 + j^2 + (slope_x i + slope_y j)^2 <= radius^2
+///
+/// and there the depth is depth + depth_slope (slope_x i + slope_y j). A disc of the surface, seen
+/// in parallel projection: an ellipse that is as thin as the surface is steep. 32 bytes.
+struct PlacedSplat {
+  float x, y;    // samples from the picture's top left
+  float radius;  // samples; negative: not seen
+  float depth;   // reversed
+  float slope_x, slope_y;
+  float depth_slope;
+  std::uint32_t reserved;
+};
+static_assert(sizeof(PlacedSplat) == 32);
+
+/// Points of a frame on the way to the visibility buffer: placed, listed by tile, drawn as words of
+/// class point whose lower 30 bits number the splat. The picture does not depend on their order.
+class SplatStage {
+ public:
+  /// Places all splats and lists them by tile. What faces away is left out unless its radius is
+  /// negative (a splat without a side).
+  /// ResourceExhausted is the caller's to check: at most kMostSplats.
+  void place(std::span<const Splat> splats, const SampleGrid& grid, const SceneFrame& scene,
+             const glm::mat3& view_from_relative, std::uint32_t tiles_x, std::uint32_t tiles_y,
+             WorkPool& pool);
+  void clear() { first_.clear(); }
+
+  bool any(std::size_t tile) const { return !first_.empty() && first_[tile + 1] > first_[tile]; }
+
+  /// Draws a tile's splats whose top left sample is (tile_x, tile_y).
+  void draw(std::size_t tile, int tile_x, int tile_y, TilePlanes& planes) const;
+
+  /// An item for every pixel and splat seen in it.
+  /// @param instances  V: the number that splats of nobody take.
+  static void collect(const TilePlanes& planes, std::span<const Splat> splats, int width,
+                      int height, std::uint32_t instances, SurfaceItems& items);
+
+  /// Which splat a word of class point shows.
+  static std::uint32_t number_of(std::uint32_t id) { return id & ((1U << 30) - 1); }
+
+  std::uint64_t size_bytes() const {
+    return placed_.capacity() * sizeof(PlacedSplat) +
+           4 * (first_.capacity() + next_.capacity() + entries_.capacity());
+  }
+
+ private:
+  static constexpr std::size_t kChunks = 16;
+
+  std::vector<PlacedSplat> placed_;
+  std::vector<std::uint32_t> first_, next_, entries_;  // as Bins of the rasterizer
+};
+
+}  // namespace throng::render::visibility
