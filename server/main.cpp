@@ -176,6 +176,12 @@ int main(int argc, char** argv) {
       ->capture_default_str()
       ->excludes(vertex_budget)
       ->check(CLI::Range(1.0, 10'000.0));
+  std::string controller = "predictive";
+  app.add_option("--controller", controller,
+                 "What keeps views without a budget to --target-ms: a cost model that sets their "
+                 "detail, the state machine of Lyu et al. (fewer poses, then points), or nothing")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"fixed", "predictive", "sfsm"}));
   app.add_option("--threads", pipeline.threads, "Render threads (0: one for each core)")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
@@ -211,7 +217,9 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? kOk : kUsage;
   }
-  if (vertex_budget->count() > 0) options.target_ms = 0.0;
+  options.controller = throng::render::controller_named(controller).value();
+  const bool is_fixed = options.controller == throng::render::ControllerKind::kFixed;
+  if (vertex_budget->count() > 0 || is_fixed) options.target_ms = 0.0;
 
   spdlog::set_default_logger(spdlog::stderr_color_mt("throng"));
   spdlog::set_level(spdlog::level::from_str(log_level));

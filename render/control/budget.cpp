@@ -1,7 +1,11 @@
+#include <absl/strings/str_cat.h>
+
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 #include "render/control/cost_model.hpp"
+#include "render/control/sfsm.hpp"
 #include "throng/render/control.hpp"
 
 namespace throng::render {
@@ -12,6 +16,12 @@ ControlSettings sensible(ControlSettings settings) {
   settings.most_budget = std::max(settings.most_budget, settings.least_budget);
   settings.start_budget =
       std::clamp(settings.start_budget, settings.least_budget, settings.most_budget);
+  if (!(settings.k_per_m > 0.0F)) settings.k_per_m = 0.075F;
+  if (!(settings.settled_m > 0.0F)) settings.settled_m = 15.0F;
+  if (!(settings.least_point_px > 0.0F)) settings.least_point_px = 1.0F;
+  if (!(settings.most_point_px >= settings.least_point_px)) {
+    settings.most_point_px = settings.least_point_px;
+  }
   return settings;
 }
 
@@ -65,7 +75,30 @@ class PredictiveController final : public BudgetController {
 
 }  // namespace
 
+absl::StatusOr<ControllerKind> controller_named(std::string_view name) {
+  if (name == "fixed") return ControllerKind::kFixed;
+  if (name == "predictive") return ControllerKind::kPredictive;
+  if (name == "sfsm") return ControllerKind::kSfsm;
+  return absl::InvalidArgumentError(
+      absl::StrCat("controller is '", std::string(name), "', must be fixed, predictive or sfsm"));
+}
+
+absl::Status check_control(double target_ms, double vertex_budget) {
+  if (!(target_ms > 0.0) || !std::isfinite(target_ms)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("controller target is ", target_ms, " ms, must be a number > 0"));
+  }
+  if (!(vertex_budget >= 1.0) || !std::isfinite(vertex_budget)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("vertex budget is ", vertex_budget, ", must be at least 1"));
+  }
+  return absl::OkStatus();
+}
+
 std::unique_ptr<BudgetController> make_controller(const ControlSettings& settings) {
+  if (settings.kind == ControllerKind::kSfsm) {
+    return std::make_unique<SfsmController>(sensible(settings));
+  }
   if (settings.kind == ControllerKind::kPredictive) {
     return std::make_unique<PredictiveController>(sensible(settings));
   }

@@ -90,7 +90,7 @@ struct RenderLoop::State {
                  Clock::time_point& now);
 
   double target_ms(Clock::time_point now) const;
-  std::uint64_t controlled_budget(const Recipients& recipients, Clock::time_point now);
+  render::FramePlan controlled_plan(const Recipients& recipients, Clock::time_point now);
   void record(const Recipients& recipients, const render::FrameStats& stats);
 
   const RenderLoopOptions options;
@@ -353,9 +353,17 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   // a picture out of turn is the same whatever the machine did before
   const bool controlled =
       view.vertex_budget == 0 && options.target_ms > 0.0 && !recipients.viewers.empty();
-  settings.selection.vertex_budget = view.vertex_budget != 0 ? view.vertex_budget
-                                     : controlled            ? controlled_budget(recipients, now)
-                                                             : options.default_vertex_budget;
+  settings.selection.vertex_budget =
+      view.vertex_budget != 0 ? view.vertex_budget : options.default_vertex_budget;
+  if (controlled) {
+    const render::FramePlan plan = controlled_plan(recipients, now);
+    settings.selection.vertex_budget = plan.vertex_budget;
+    if (plan.points) settings.selection.form = render::FormRule::kPoints;
+    settings.selection.point_size_px = plan.point_size_px;
+    const std::lock_guard lock(mutex);
+    settings.selection.motion = {plan.motion_distance_m, plan.motion_k_per_m,
+                                 counters.rendered_frames};
+  }
   settings.look.shadows = view.shadows;
   settings.channel = view.channel.empty() ? -1 : view.crowd->channel_index(view.channel);
   settings.look.color_by_channel = settings.channel >= 0;
@@ -421,23 +429,23 @@ double RenderLoop::State::target_ms(Clock::time_point now) const {
   return wanted_hz > most_hz ? 1000.0 / wanted_hz : options.target_ms;
 }
 
-std::uint64_t RenderLoop::State::controlled_budget(const Recipients& recipients,
-                                                   Clock::time_point now) {
+render::FramePlan RenderLoop::State::controlled_plan(const Recipients& recipients,
+                                                     Clock::time_point now) {
   const std::lock_guard lock(mutex);
   for (const auto& [viewer, index] : recipients.viewers) {
     if (std::find(viewers.begin(), viewers.end(), viewer) == viewers.end()) continue;  // has left
     ViewControl& control = controls[viewer.get()];
     if (control.controller == nullptr) {
-      control.controller = render::make_controller({.kind = render::ControllerKind::kPredictive,
-                                                    .start_budget = options.default_vertex_budget});
+      control.controller = render::make_controller(
+          {.kind = options.controller, .start_budget = options.default_vertex_budget});
     }
     control.drawn = now;
     control.frame = counters.rendered_frames + counters.failed_frames;  // attempts so far
     control.rate_hz = viewer->request().max_rate_hz;
   }
   const auto first = controls.find(recipients.viewers.front().first.get());
-  return first == controls.end() ? options.default_vertex_budget
-                                 : first->second.controller->next_budget(target_ms(now));
+  if (first == controls.end()) return {.vertex_budget = options.default_vertex_budget};
+  return first->second.controller->next_plan(target_ms(now));
 }
 
 void RenderLoop::State::record(const Recipients& recipients, const render::FrameStats& stats) {

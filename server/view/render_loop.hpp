@@ -11,6 +11,7 @@
 
 #include "server/view/frame_renderer.hpp"
 #include "server/view/viewer.hpp"
+#include "throng/render/control.hpp"
 
 namespace throng::server {
 
@@ -19,6 +20,8 @@ struct RenderLoopOptions {
   // Over 0: such views get the budget that a frame of this length allows, without its encoding. All
   // views of the loop share it: with two at full rate each frame has half as long.
   double target_ms = 0.0;
+  render::ControllerKind controller =
+      render::ControllerKind::kPredictive;  // how they are kept to it
   std::uint32_t max_pending_pictures = 16;
   Now now = [] { return Clock::now(); };
 };

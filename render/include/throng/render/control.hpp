@@ -1,19 +1,31 @@
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
 #include <cstdint>
 #include <memory>
 #include <string_view>
 
 namespace throng::render {
 
-/// kFixed: the user's N. kPredictive: the N that a frame of the wanted length allows.
-enum class ControllerKind { kFixed, kPredictive };
+/// kFixed: the user's N. kPredictive: the N that a frame of the wanted length allows. kSfsm: the
+/// self-feedback state machine of Lyu et al.
+enum class ControllerKind { kFixed, kPredictive, kSfsm };
+
+/// InvalidArgument: no controller has this name.
+absl::StatusOr<ControllerKind> controller_named(std::string_view name);
 
 struct ControlSettings {
   ControllerKind kind = ControllerKind::kFixed;
   std::uint64_t start_budget = 1'000'000;  // vertices; what kFixed stays at
   std::uint64_t least_budget = 50'000;
   std::uint64_t most_budget = 20'000'000;
+  // kSfsm
+  float k_per_m = 0.075F;       // how fast far agents' motion gets rare, 0.05 to 0.1
+  float settled_m = 15.0F;      // h: steps of the learned distance under this end the learning
+  float least_point_px = 1.0F;  // size of points, from the finest on
+  float most_point_px = 24.0F;
 };
 
 /// What a frame drew and how long that took.
@@ -21,10 +33,21 @@ struct FrameCost {
   double frame_ms = 0;         // of the time that the target counts
   std::uint32_t visible = 0;   // agents drawn
   std::uint64_t vertices = 0;  // drawn; under the budget where the crowd has no more detail
+  double farthest_m = 0;       // L: farthest agent in view; 0: not known
 };
 
-/// Chooses the vertex budget of a view's next frame from what its frames so far took. One per
-/// view; not thread safe.
+/// What a view's next frame is drawn with.
+struct FramePlan {
+  std::uint64_t vertex_budget = 0;
+  bool points = false;             // agents are drawn by points instead of meshes
+  float point_size_px = 1.25F;     // then
+  float motion_distance_m = 0.0F;  // who is farther is posed less often; 0: all in every frame
+  float motion_k_per_m = 0.0F;
+  int state = 0;  // kSfsm: 0, 1 or 2
+};
+
+/// Chooses what a view's next frame is drawn with from what its frames so far took. One per view;
+/// not thread safe.
 class BudgetController {
  public:
   virtual ~BudgetController() = default;
@@ -35,9 +58,21 @@ class BudgetController {
 
   /// The vertex budget of the next frame. A target that is not a positive number leaves it.
   virtual std::uint64_t next_budget(double target_ms) = 0;
+
+  /// The next frame; call one of the two for a frame. A target that is not a positive number leaves
+  /// everything as it is.
+  virtual FramePlan next_plan(double target_ms) {
+    FramePlan plan;
+    plan.vertex_budget = next_budget(target_ms);
+    return plan;
+  }
 };
 
 /// Limits that make no sense (none, least above most) are replaced by the nearest that do.
 std::unique_ptr<BudgetController> make_controller(const ControlSettings& settings);
+
+/// For what users type: InvalidArgument names a target that is not a positive number, or a budget
+/// that is not one of vertices.
+absl::Status check_control(double target_ms, double vertex_budget);
 
 }  // namespace throng::render
