@@ -101,7 +101,10 @@ absl::Status make_splats(CpuView& view, Machine machine, PosedBank& bank,
     machine.pool.run((count + kChunk - 1) / kChunk, [&](std::size_t chunk, unsigned worker) {
       const std::size_t end = std::min(count, (chunk + 1) * kChunk);
       for (std::size_t v = chunk * kChunk; v < end; ++v) {
-        if (view.representation[v] != Representation::kPoints || view.tier[v] == kOwnPose) continue;
+        if (view.representation[v] != Representation::kPoints || view.tier[v] == kOwnPose ||
+            view.visible[v].vertex_count == 0) {
+          continue;
+        }
         const VisibleInstance& instance = view.visible[v];
         view.mesh[v] = PosedBank::number_of(
             instance.character,
@@ -140,6 +143,7 @@ absl::Status make_splats(CpuView& view, Machine machine, PosedBank& bank,
       const SurfacePoints& points = table.character->points;
       const element::InstanceState& state = instances.state[instance.slot];
       const std::uint32_t n = instance.vertex_count;
+      if (n == 0) continue;  // baked without points
       const float radius_m = points.radius_m[n - 1] * instance.scale;
       const PointTone* tone = points.tone.data() + tone_level_first(points.count(), n);
       Splat* out = view.splats.data() + view.splat_offset[v];

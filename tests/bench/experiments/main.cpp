@@ -41,6 +41,8 @@ constexpr const char* kFooter = R"(Examples:
   throng-bench peng2011 --most 8192
   throng-bench beacco2010 --counts 100,1000 --pictures out
   throng-bench quality --agents 1000 --budgets 0.25,1 --pictures out
+  throng-bench larkin --json larkin.json              and larkin.png, the plot
+  throng-bench sfsm --json sfsm.json
   throng-bench raster                                 visibility against OpenGL on llvmpipe
   throng-bench gpu --json gpu.json                    visibility on a CUDA device
   throng-bench all --json-dir tests/bench/results     all of them, in short
@@ -97,6 +99,8 @@ struct Flags {
   BeaccoOptions beacco;
   MixedOptions mixed;
   QualityOptions quality;
+  LarkinOptions larkin;
+  SfsmOptions sfsm;
   RasterOptions raster_pairs;
 };
 
@@ -282,6 +286,44 @@ int run(int argc, char** argv) {
       ->capture_default_str()
       ->check(CLI::Range(1U, 10'000U));
 
+  CLI::App* larkin =
+      app.add_subcommand("larkin", "Larkin et al.: a far crowd under a fixed budget of points");
+  add_common(*larkin, flags);
+  larkin->add_option("--counts", flags.larkin.counts, "Numbers of agents")
+      ->delimiter(',')
+      ->capture_default_str()
+      ->check(CLI::Range(1U, 4'000'000U))
+      ->type_name("I,I,...");
+  larkin->add_option("--points", flags.larkin.points, "Budget of points")
+      ->capture_default_str()
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{100'000'000}));
+  larkin->add_option("--frames", flags.larkin.frames, "Frames of each row")
+      ->capture_default_str()
+      ->check(CLI::Range(1U, 1000U));
+  larkin
+      ->add_option("--quality-agents", flags.larkin.quality_agents,
+                   "Agents of the crowd whose picture is judged, 0: none")
+      ->capture_default_str()
+      ->check(CLI::Range(0U, 30'000U));
+  larkin->add_option("--pictures", flags.larkin.pictures, "Write what is drawn as PNG")
+      ->type_name("DIR");
+
+  CLI::App* sfsm =
+      app.add_subcommand("sfsm", "Lyu et al.: frame times under control, targets and views change");
+  add_common(*sfsm, flags);
+  sfsm->add_option("--agents", flags.sfsm.agents, "Instances in the crowd")
+      ->capture_default_str()
+      ->check(CLI::Range(1U, 1'000'000U));
+  sfsm->add_option("--frames", flags.sfsm.frames, "Frames of each of the two experiments")
+      ->capture_default_str()
+      ->check(CLI::Range(6U, 100'000U));
+  sfsm->add_option("--view-share", flags.sfsm.view_share,
+                   "Target of the changing views, a share of the State-0 time")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  sfsm->add_option("--pictures", flags.sfsm.pictures, "Write the last frame of each part as PNG")
+      ->type_name("DIR");
+
   CLI::App* all = app.add_subcommand("all", "Every experiment, in short, in under ten minutes");
   std::string json_dir;
   all->add_option("--json-dir", json_dir, "Folder of the JSON files")->required()->type_name("DIR");
@@ -368,6 +410,8 @@ int run(int argc, char** argv) {
   if (*all) status = run_all(flags.common, json_dir);
   if (*mixed) status = run_mixed(flags.common, flags.mixed);
   if (*beacco) status = run_beacco2010(flags.common, flags.beacco);
+  if (*larkin) status = run_larkin(flags.common, flags.larkin);
+  if (*sfsm) status = run_sfsm(flags.common, flags.sfsm);
   if (*peng) status = run_peng2011(flags.common, flags.peng);
   if (*quality) status = run_quality(flags.common, flags.quality);
   if (*raster) status = run_raster(flags.common, flags.raster_pairs);

@@ -94,6 +94,22 @@ struct QualityOptions {
   std::string camera_path;
 };
 
+struct LarkinOptions {
+  std::vector<std::uint32_t> counts{10'000, 30'000, 100'000, 300'000, 1'000'000};
+  std::uint64_t points = 200'000;  // budget
+  std::uint32_t frames = 5;
+  std::uint32_t quality_agents = 10'000;  // 0: quality is not judged
+  std::vector<std::uint64_t> quality_points{25'000, 50'000, 100'000, 200'000};
+  std::string pictures;  // folder, empty: none
+};
+
+struct SfsmOptions {
+  std::uint32_t agents = 20'000;
+  std::uint32_t frames = 60;  // of each of the two experiments
+  double view_share = 0.095;  // target of the changing views, of the State-0 time
+  std::string pictures;       // folder, empty: none
+};
+
 /// Every experiment, short enough for all of them to end within ten minutes on two cores.
 /// @param folder  of the JSON files, one for each experiment.
 absl::Status run_all(const Common& common, const std::string& folder);
@@ -118,6 +134,12 @@ absl::Status run_mixed(const Common& common, const MixedOptions& options);
 
 /// PSNR, SSIM and flicker of budgets (design: quality is measured).
 absl::Status run_quality(const Common& common, const QualityOptions& options);
+
+/// Larkin et al.: a far crowd under a fixed budget of points.
+absl::Status run_larkin(const Common& common, const LarkinOptions& options);
+
+/// Lyu et al.: controllers under targets that change and in views that do.
+absl::Status run_sfsm(const Common& common, const SfsmOptions& options);
 
 /// Visibility against gl on identical buffers. DataLoss when pictures differ beyond the limits.
 absl::Status run_raster(const Common& common, const RasterOptions& options);
