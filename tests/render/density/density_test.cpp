@@ -235,7 +235,9 @@ TEST(FarPlanTest, NeverExceedsTheBudgetAndUsesIt) {
       EXPECT_EQ(plan.points(), far.points_of(plan));
       EXPECT_LE(plan.points(), budget);
       // beyond this, more points than show would be left to the near ones
-      if (budget <= 1600U) EXPECT_GE(plan.points() + 2, budget);
+      if (budget <= 1600U) {
+        EXPECT_GE(plan.points() + 2, budget);
+      }
       EXPECT_EQ(plan.visible(), 1600U);
     }
   }

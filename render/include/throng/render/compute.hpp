@@ -81,7 +81,7 @@ struct Selection {
   GeometryKind geometry = GeometryKind::kBatched;
   // what the agents are drawn as; the cuda backend makes kMesh of it so far
   FormRule form = FormRule::kMesh;
-  MixedForms mixed;
+  MixedForms mixed{};
   // diameter of the points of who is drawn so; as many points as need not be larger
   float point_size_px = 1.25F;
   MotionUpdate motion = {};  // of agents with vertices of their own
