@@ -406,12 +406,15 @@ void LoadBatch(const FrameGeometry& geometry, const SharedMeshes& meshes,
     if (!mixed) continue;
     batch.instance[k] = static_cast<std::int32_t>(group.instance);
     const InstanceShade& shade = shades[group.instance];
-    const SharedShade& shared = meshes.shades[group.is_shared != 0 ? group.instance : 0];
-    const float own[7] = {1.0F, 0.0F, 1.0F, 0.0F, 0.0F, 0.0F, -shade.feet_relative.z};
-    const float posed[7] = {
-        shared.cosine_scale,   shared.sine_scale,     shared.scale, shade.feet_relative.x,
-        shade.feet_relative.y, shade.feet_relative.z, 0.0F};
-    for (int c = 0; c < 7; ++c) batch.frame[c][k] = (group.is_shared != 0 ? posed : own)[c];
+    float frame[7] = {1.0F, 0.0F, 1.0F, 0.0F, 0.0F, 0.0F, -shade.feet_relative.z};
+    if (group.is_shared != 0) {  // there may be no shared meshes at all
+      const SharedShade& shared = meshes.shades[group.instance];
+      const glm::vec3& feet = shade.feet_relative;
+      const float posed[7] = {
+          shared.cosine_scale, shared.sine_scale, shared.scale, feet.x, feet.y, feet.z, 0.0F};
+      std::memcpy(frame, posed, sizeof frame);
+    }
+    for (int c = 0; c < 7; ++c) batch.frame[c][k] = frame[c];
   }
 }
 
