@@ -153,10 +153,9 @@ absl::StatusOr<std::string> format_of(const std::string& path) {
 }  // namespace
 
 std::vector<std::string> format_names() {
-  return {"jupedsim-sqlite", "archive-text",   "jpscore-text", "obsmat",       "csv",
-          "pathfinder-csv",  "crowdit-csv",    "sumo-fcd-csv", "vadere-traj",  "sumo-fcd",
-          "menge-scb",       "trajnet-ndjson", "rvo2-text",    "jupedsim-hdf5",
-          "throng-recording"};
+  return {"jupedsim-sqlite", "archive-text",   "jpscore-text", "obsmat",        "csv",
+          "pathfinder-csv",  "crowdit-csv",    "sumo-fcd-csv", "vadere-traj",   "sumo-fcd",
+          "menge-scb",       "trajnet-ndjson", "rvo2-text",    "jupedsim-hdf5", "throng-recording"};
 }
 
 absl::StatusOr<std::unique_ptr<Reader>> open(const std::string& path, const ReadOptions& options) {

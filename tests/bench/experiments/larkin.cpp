@@ -100,7 +100,8 @@ absl::Status measure(const Common& common, const LarkinOptions& options,
   const render::FarAgents far = make_far_agents(*common.cast, cloud, *snapshot->roster);
   stages.colors.add(cpu_ms_since(start));
   start = Ticks::now();
-  const render::Triangulation triangulation = render::triangulate(snapshot->position_m, snapshot->present);
+  const render::Triangulation triangulation =
+      render::triangulate(snapshot->position_m, snapshot->present);
   stages.triangulate.add(cpu_ms_since(start));
   stages.vertices = triangulation.vertex_count();
   render::FarPlan plan;
@@ -162,7 +163,8 @@ absl::Status judge_shares(const Common& common, const LarkinOptions& options,
                                         common.viewport.height_px, 8);
   if (!mask.ok()) return mask.status();
   const render::FarAgents far = make_far_agents(*common.cast, cloud, *snapshot->roster);
-  const render::Triangulation triangulation = render::triangulate(snapshot->position_m, snapshot->present);
+  const render::Triangulation triangulation =
+      render::triangulate(snapshot->position_m, snapshot->present);
   const render::FarView view = far_view(settings.camera, common.viewport);
   render::FarPlan plan;
   std::vector<render::Splat> splats;

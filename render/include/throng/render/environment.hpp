@@ -51,16 +51,16 @@ absl::StatusOr<std::shared_ptr<const Environment>> make_environment(
 /// InvalidArgument names what lacks or does not fit.
 absl::StatusOr<std::string> walkable_area_of(const std::string& text);
 
-/// The environment that a file holds: walls around what `walkable_area_of` takes from it, or a static
-/// glTF 2.0 mesh (.glb, .gltf), +Y up, in metres: triangles of its scene in their materials' base
-/// colours; textures, skins and compressed meshes are not read.
-/// NotFound; InvalidArgument names the file and what is wrong. Errors else as make_environment.
+/// The environment that a file holds: walls around what `walkable_area_of` takes from it, or a
+/// static glTF 2.0 mesh (.glb, .gltf), +Y up, in metres: triangles of its scene in their materials'
+/// base colours; textures, skins and compressed meshes are not read. NotFound; InvalidArgument
+/// names the file and what is wrong. Errors else as make_environment.
 absl::StatusOr<std::shared_ptr<const Environment>> read_environment(
     const std::string& path, const glm::dvec3& origin_world,
     const EnvironmentOptions& options = {});
 
-/// Ends soon, with an error, what make_environment does on any thread. For the end of a process: also
-/// call it with false when nothing is built any more, or the next one may be ended too.
+/// Ends soon, with an error, what make_environment does on any thread. For the end of a process:
+/// also call it with false when nothing is built any more, or the next one may be ended too.
 void interrupt_environments(bool is_on);
 
 /// What make_environment refuses of a walkable area before it begins.
