@@ -45,7 +45,7 @@ constexpr const char* kFooter = R"(Examples:
   throng-bench sfsm --json sfsm.json
   throng-bench raster                                 visibility against OpenGL on llvmpipe
   throng-bench gpu --json gpu.json                    visibility on a CUDA device
-  throng-bench all --json-dir tests/bench/results     all of them, in short
+  throng-bench all --json-dir tests/bench/results     those of meshes, in short
 
 Times are wall and, beside them, of all threads on the processor (CPU): on a machine that others use
 too, only the second holds. Exit codes: 0 done, 1 internal error, 2 usage, 3 bad input, 4 nothing to
@@ -324,7 +324,8 @@ int run(int argc, char** argv) {
   sfsm->add_option("--pictures", flags.sfsm.pictures, "Write the last frame of each part as PNG")
       ->type_name("DIR");
 
-  CLI::App* all = app.add_subcommand("all", "Every experiment, in short, in under ten minutes");
+  CLI::App* all = app.add_subcommand(
+      "all", "paper, figure 7, peng2011, quality and raster, in short, in about ten minutes");
   std::string json_dir;
   all->add_option("--json-dir", json_dir, "Folder of the JSON files")->required()->type_name("DIR");
   all->add_option("--cast", flags.cast, "Folder of baked characters (default: the built-in cast)")
