@@ -118,6 +118,11 @@ RenderLoop::RenderLoop(std::unique_ptr<State> state) : state_(std::move(state)) 
 
 absl::StatusOr<std::unique_ptr<RenderLoop>> RenderLoop::start(MakeRenderer make_renderer,
                                                               RenderLoopOptions options) {
+  if (options.target_ms != 0.0) {  // 0: no controller
+    absl::Status status = render::check_control(options.target_ms,
+                                                static_cast<double>(options.default_vertex_budget));
+    if (!status.ok()) return status;
+  }
   std::unique_ptr<RenderLoop> loop(new RenderLoop(std::make_unique<State>(std::move(options))));
   State* state = loop->state_.get();
   state->renderer = std::thread([state, make = std::move(make_renderer)]() mutable {

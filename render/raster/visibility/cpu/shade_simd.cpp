@@ -211,6 +211,23 @@ HWY_INLINE V3 Colored(const V3& base, const V3& albedo, U channel) {
           hn::IfThenElse(chosen, color.z, albedo.z)};
 }
 
+/// A colour with its regions (a byte each, as shares) dyed, or in the channel's colour.
+HWY_INLINE V3 Worn(const V3& color, U regions, const std::uint32_t* shade_words, I instance) {
+  const FloatTag df;
+  const IntTag di;
+  const UintTag du;
+  const U byte = hn::Set(du, 255);
+  const auto region = [&](U bits) HWY_ATTR {
+    return Times(hn::ConvertTo(df, hn::BitCast(di, hn::And(bits, byte))), 1.0F / 255.0F);
+  };
+  const Rgba mask{region(regions), region(hn::ShiftRight<8>(regions)),
+                  region(hn::ShiftRight<16>(regions)), region(hn::ShiftRight<24>(regions))};
+  const V3 albedo = Tinted(color, mask, shade_words, instance);
+  const U channel = hn::GatherIndex(du, shade_words + 9, instance);
+  const bool plain = hn::AllTrue(du, hn::Eq(channel, hn::Set(du, kNoChannel)));
+  return plain ? albedo : Colored(color, albedo, channel);
+}
+
 /// What falls on a surface and what it throws back of itself.
 struct Light {
   V3 on;
@@ -721,17 +738,7 @@ void ShadeFlat(const SceneFrame& scene, const SharedMeshes& meshes, const Instan
                                hn::Gt(hn::GatherIndex(df, mesh_floats + 7, at), hn::Zero(df)));
     n = Scale3(n, hn::IfThenElse(flips, Set(-1.0F), Set(1.0F)));
     const V3 color = Unpack(base);
-    const U byte = hn::Set(du, 255);
-    const auto region = [&](U bits) HWY_ATTR {
-      return Times(hn::ConvertTo(df, hn::BitCast(di, hn::And(bits, byte))), 1.0F / 255.0F);
-    };
-    const Rgba mask{region(regions), region(hn::ShiftRight<8>(regions)),
-                    region(hn::ShiftRight<16>(regions)), region(hn::ShiftRight<24>(regions))};
-    V3 albedo = Tinted(color, mask, shade_words, instance);
-    const U channel = hn::GatherIndex(du, shade_words + 9, instance);
-    if (!hn::AllTrue(du, hn::Eq(channel, hn::Set(du, kNoChannel)))) {
-      albedo = Colored(color, albedo, channel);
-    }
+    const V3 albedo = Worn(color, regions, shade_words, instance);
     const V3 lit = Lit(scene, albedo, n, to_eye, above_m, hn::Sqrt(Dot3(feet, feet)));
     hn::Store(lit.x, df, items.rgb[0] + i);
     hn::Store(lit.y, df, items.rgb[1] + i);
@@ -768,17 +775,7 @@ void ShadeSurface(const SceneFrame& scene, const InstanceShade* shades, SurfaceI
     const V3 to_eye = scene.orthographic ? toward : Unit3(Scale3(place, Set(-1.0F)));
     const V3 color = Unpack(hn::Load(du, items.base + i));
     const U regions = hn::Load(du, items.regions + i);
-    const U byte = hn::Set(du, 255);
-    const auto region = [&](U bits) HWY_ATTR {
-      return Times(hn::ConvertTo(df, hn::BitCast(di, hn::And(bits, byte))), 1.0F / 255.0F);
-    };
-    const Rgba mask{region(regions), region(hn::ShiftRight<8>(regions)),
-                    region(hn::ShiftRight<16>(regions)), region(hn::ShiftRight<24>(regions))};
-    V3 albedo = Tinted(color, mask, shade_words, instance);
-    const U channel = hn::GatherIndex(du, shade_words + 9, instance);
-    if (!hn::AllTrue(du, hn::Eq(channel, hn::Set(du, kNoChannel)))) {
-      albedo = Colored(color, albedo, channel);
-    }
+    const V3 albedo = Worn(color, regions, shade_words, instance);
     const F above_m = hn::Sub(place.z, hn::GatherIndex(df, shade_floats + 2, instance));
     const V3 lit = Lit(scene, albedo, n, to_eye, above_m, hn::Sqrt(Dot3(place, place)));
     hn::Store(lit.x, df, items.rgb[0] + i);
