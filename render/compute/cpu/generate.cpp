@@ -5,6 +5,7 @@
 
 #include "render/compute/cpu/kernels.hpp"
 #include "render/compute/cpu/stages.hpp"
+#include "render/compute/cpu/want_poses.hpp"
 #include "render/compute/element/octahedral.hpp"
 #include "render/compute/element/shared_pose.hpp"
 
@@ -58,33 +59,12 @@ absl::Status find_meshes(CpuView& view, Machine machine, PosedBank& bank,
   const std::size_t count = view.visible.size();
   const CpuInstances& instances = *view.instances;
   const CastTable& cast = *instances.cast;
-  bank.use(instances.cast);
   view.mesh.resize(count);
-  std::vector<PosedBank::Want> wanted;
-  constexpr std::size_t kChunk = 1024;
-  for (int round = 0;; ++round) {
-    machine.pool.run((count + kChunk - 1) / kChunk, [&](std::size_t chunk, unsigned worker) {
-      const std::size_t end = std::min(count, (chunk + 1) * kChunk);
-      for (std::size_t v = chunk * kChunk; v < end; ++v) {
-        if (view.tier[v] == kOwnPose || !view.is_mesh(v)) continue;
-        const VisibleInstance& instance = view.visible[v];
-        const CharacterTable& table = cast.characters[instance.character];
-        view.mesh[v] = PosedBank::number_of(
-            instance.character,
-            element::shared_pose_of(instances.state[instance.slot].pose, table.gait, view.tier[v]));
-        const PosedBank::Want want{view.mesh[v], instance.vertex_count};
-        if (!bank.has(want)) scratch[worker].wanted.push_back(want);
-      }
-    });
-    wanted.clear();
-    for (WorkerScratch& own : scratch) {
-      wanted.insert(wanted.end(), own.wanted.begin(), own.wanted.end());
-      own.wanted.clear();
-    }
-    absl::StatusOr<bool> has_room = bank.reserve(wanted);
-    if (!has_room.ok()) return has_room.status();
-    if (*has_room) break;
-  }
+  const auto wants = want_poses(view, machine, bank, scratch, count, [&](std::size_t v) {
+    return view.tier[v] != kOwnPose && view.is_mesh(v);
+  });
+  if (!wants.ok()) return wants.status();
+  const std::vector<PosedBank::Want>& wanted = *wants;
   view.posed = bank.block();
   view.posed_bytes = bank.used_bytes();
   view.posed_meshes = static_cast<std::uint32_t>(wanted.size());

@@ -4,6 +4,7 @@
 
 #include "render/compute/cpu/kernels.hpp"
 #include "render/compute/cpu/stages.hpp"
+#include "render/compute/cpu/want_poses.hpp"
 #include "render/compute/element/octahedral.hpp"
 #include "render/compute/element/shared_pose.hpp"
 
@@ -94,35 +95,13 @@ absl::Status make_splats(CpuView& view, Machine machine, PosedBank& bank,
   for (WorkerScratch& own : scratch) own.palette.resize(cast.most_joints);
 
   // poses that several agents share are made once, and kept
-  bank.use(instances.cast);
   view.mesh.resize(std::max(count, view.mesh.size()));
-  std::vector<PosedBank::Want> wanted;
-  for (;;) {
-    machine.pool.run((count + kChunk - 1) / kChunk, [&](std::size_t chunk, unsigned worker) {
-      const std::size_t end = std::min(count, (chunk + 1) * kChunk);
-      for (std::size_t v = chunk * kChunk; v < end; ++v) {
-        if (view.representation[v] != Representation::kPoints || view.tier[v] == kOwnPose ||
-            view.visible[v].vertex_count == 0) {
-          continue;
-        }
-        const VisibleInstance& instance = view.visible[v];
-        view.mesh[v] = PosedBank::number_of(
-            instance.character,
-            element::shared_pose_of(instances.state[instance.slot].pose,
-                                    cast.characters[instance.character].gait, view.tier[v]));
-        const PosedBank::Want want{view.mesh[v], instance.vertex_count};
-        if (!bank.has(want)) scratch[worker].wanted.push_back(want);
-      }
-    });
-    wanted.clear();
-    for (WorkerScratch& own : scratch) {
-      wanted.insert(wanted.end(), own.wanted.begin(), own.wanted.end());
-      own.wanted.clear();
-    }
-    absl::StatusOr<bool> has_room = bank.reserve(wanted);
-    if (!has_room.ok()) return has_room.status();
-    if (*has_room) break;
-  }
+  const auto wants = want_poses(view, machine, bank, scratch, count, [&](std::size_t v) {
+    return view.representation[v] == Representation::kPoints && view.tier[v] != kOwnPose &&
+           view.visible[v].vertex_count != 0;
+  });
+  if (!wants.ok()) return wants.status();
+  const std::vector<PosedBank::Want>& wanted = *wants;
   machine.pool.run((wanted.size() + 15) / 16, [&](std::size_t chunk, unsigned worker) {
     const std::size_t end = std::min(wanted.size(), 16 * (chunk + 1));
     for (std::size_t k = 16 * chunk; k < end; ++k) {
