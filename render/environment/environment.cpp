@@ -96,6 +96,19 @@ static absl::StatusOr<std::shared_ptr<const Environment>> make(const std::string
   return finish(pieces, kColors, 0, "walkable area: its walls");
 }
 
+void include_environment(const Environment* environment, const glm::dvec3& origin_world,
+                         glm::dvec3& low, glm::dvec3& high) {
+  if (environment == nullptr || environment->pieces.empty()) return;
+  constexpr double kNearM = 5.0;
+  for (int axis = 0; axis < 2; ++axis) {
+    const double near_m = std::max(kNearM, 0.5 * (high[axis] - low[axis]));
+    const double site_low = origin_world[axis] + environment->low_m[axis];
+    const double site_high = origin_world[axis] + environment->high_m[axis];
+    low[axis] = std::min(low[axis], std::max(site_low, low[axis] - near_m));
+    high[axis] = std::max(high[axis], std::min(site_high, high[axis] + near_m));
+  }
+}
+
 absl::StatusOr<std::shared_ptr<const Environment>> make_environment(
     const std::string& wkt, const glm::dvec3& origin_world, const EnvironmentOptions& options) {
   // What a stranger's file makes us allocate must not end the process.

@@ -63,12 +63,21 @@ absl::StatusOr<std::shared_ptr<const Environment>> finish(const Pieces& pieces,
                                                    kMostPieces));
   }
   auto environment = std::make_shared<Environment>();
+  glm::vec3 low(std::numeric_limits<float>::max()), high(-low);
   for (const auto& [cell, corners] : pieces) {
+    for (const glm::vec3& corner : corners.position) {
+      low = glm::min(low, corner);
+      high = glm::max(high, corner);
+    }
     absl::StatusOr<Character> piece =
         piece_of(corners, environment->pieces.size(), colors, triangle_flags);
     if (!piece.ok()) return piece.status();
     environment->triangles += piece->triangle_count();
     environment->pieces.push_back(*std::move(piece));
+  }
+  if (!pieces.empty()) {
+    environment->low_m = low;
+    environment->high_m = high;
   }
   return environment;
 }

@@ -3,6 +3,7 @@
 #include <absl/status/statusor.h>
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -39,6 +40,12 @@ class CameraPath {
 
   /// "overview", "top", "orbit", "follow-AGENT" or the file's name without its ending.
   const std::string& name() const { return name_; }
+
+  /// The agent that it follows.
+  std::optional<std::uint64_t> followed() const {
+    const Follow* follow = std::get_if<Follow>(&path_);
+    return follow == nullptr ? std::nullopt : std::optional(follow->agent);
+  }
 
   render::Camera at(double time_s, const render::Crowd& crowd) const;
 

@@ -15,6 +15,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "server/batch/camera_path.hpp"
@@ -27,6 +28,7 @@
 namespace throng::server {
 namespace {
 
+constexpr double kAgentHeightM = 1.9;
 constexpr char kCamera[] = "{camera}", kPass[] = "{pass}";
 
 absl::StatusOr<OutputKind> output_kind(const BatchJob& job) {
@@ -89,6 +91,7 @@ struct Span {
   glm::dvec3 high{-std::numeric_limits<double>::infinity()};
   std::int64_t last_us = 0;
   std::uint64_t frames = 0;
+  std::set<std::uint64_t> ids;
 };
 
 absl::StatusOr<Span> measure(const BatchJob& job) {
@@ -96,12 +99,17 @@ absl::StatusOr<Span> measure(const BatchJob& job) {
   if (!reader.ok()) return reader.status();
   Span span;
   trajectory::Frame frame;
+  std::vector<std::uint64_t> ids_before;
   while (true) {
     const absl::StatusOr<bool> more = (*reader)->next(frame);
     if (!more.ok()) return more.status();
     if (!*more) break;
     ++span.frames;
     span.last_us = frame.time_us;
+    if (frame.ids != ids_before) {
+      span.ids.insert(frame.ids.begin(), frame.ids.end());
+      ids_before = frame.ids;
+    }
     for (std::size_t i = 0; i < frame.ids.size(); ++i) {
       const glm::dvec3 position(frame.x_m[i], frame.y_m[i], frame.z_m.empty() ? 0.0 : frame.z_m[i]);
       span.low = glm::min(span.low, position);
@@ -242,19 +250,38 @@ std::string file_name_of(std::string name) {
   return name;
 }
 
+/// Null where there is none.
+absl::StatusOr<std::shared_ptr<const render::Environment>> environment_of(
+    const BatchJob& job, const trajectory::Info& info, const glm::dvec3& origin_world) {
+  if (!job.walls) return nullptr;
+  if (!job.environment.empty()) {
+    return render::read_environment(job.environment, origin_world, job.environment_options);
+  }
+  if (info.walkable_area_wkt.empty()) return nullptr;
+  auto made =
+      render::make_environment(info.walkable_area_wkt, origin_world, job.environment_options);
+  if (made.ok()) return made;
+  return absl::Status(made.status().code(),
+                      absl::StrCat(job.trajectory, ": ", made.status().message()));
+}
+
 absl::StatusOr<std::vector<Output>> make_outputs(const BatchJob& job, OutputKind kind,
-                                                 const Span& span) {
+                                                 const Span& span, const Site& site) {
   if (job.cameras.size() > 1 && !absl::StrContains(job.output, kCamera)) {
     return absl::FailedPreconditionError(
         absl::StrCat("-o: '", job.output, "' must hold {camera} when there are several, such as ",
                      "out/{camera}/####.png or {camera}.mp4"));
   }
-  const glm::dvec3 person_m(0.0, 0.0, 1.9);
-  const Site site{span.low, span.high + person_m, job.viewport};
   std::vector<Output> outputs;
   for (const std::string& text : job.cameras) {
     absl::StatusOr<CameraPath> camera = CameraPath::parse(text, site);
     if (!camera.ok()) return camera.status();
+    if (camera->followed().has_value() && !span.ids.contains(*camera->followed())) {
+      return absl::NotFoundError(absl::StrCat(
+          "--camera ", text, ": ", job.trajectory.empty() ? "the synthetic crowd" : job.trajectory,
+          " has no such agent among its ", span.ids.size(),
+          span.ids.empty() ? "" : absl::StrCat("; the first of them is ", *span.ids.begin())));
+    }
     for (const Output& other : outputs) {
       if (file_name_of(other.camera.name()) != file_name_of(camera->name())) continue;
       return absl::FailedPreconditionError(
@@ -294,7 +321,27 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
   const bool wants_passes = job.passes.data() || !job.boxes.empty();
   const absl::StatusOr<Span> span = measure(job);
   if (!span.ok()) return failure(input_code(span.status()), std::string(span.status().message()));
-  absl::StatusOr<std::vector<Output>> outputs = make_outputs(job, *kind, *span);
+  auto reader = open_source(job);
+  if (!reader.ok()) {
+    return failure(input_code(reader.status()), std::string(reader.status().message()));
+  }
+  const trajectory::Info info = (*reader)->info();
+  render::CrowdSettings crowd_settings;
+  // near the agents, so that float32 offsets are fine anywhere in the world
+  crowd_settings.origin_world = glm::dvec3(glm::round((span->low.x + span->high.x) / 2),
+                                           glm::round((span->low.y + span->high.y) / 2), 0.0);
+  crowd_settings.seed = job.seed;
+  crowd_settings.channel_names = info.channel_names;
+
+  const auto environment = environment_of(job, info, crowd_settings.origin_world);
+  if (!environment.ok()) {
+    return failure(ExitCode::kBadInput, std::string(environment.status().message()));
+  }
+  Site site{span->low, span->high, job.viewport};
+  render::include_environment(environment->get(), crowd_settings.origin_world, site.low_world,
+                              site.high_world);
+  site.high_world.z += kAgentHeightM;
+  absl::StatusOr<std::vector<Output>> outputs = make_outputs(job, *kind, *span, site);
   if (!outputs.ok()) {
     return failure(
         absl::IsFailedPrecondition(outputs.status()) ? ExitCode::kUsage : ExitCode::kBadInput,
@@ -325,17 +372,6 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
   if (!cast.ok()) return failure(ExitCode::kBadInput, std::string(cast.status().message()));
   const auto shared_cast = std::make_shared<const render::Cast>(*std::move(cast));
 
-  auto reader = open_source(job);
-  if (!reader.ok()) {
-    return failure(input_code(reader.status()), std::string(reader.status().message()));
-  }
-  const trajectory::Info info = (*reader)->info();
-  render::CrowdSettings crowd_settings;
-  // near the agents, so that float32 offsets are fine anywhere in the world
-  crowd_settings.origin_world = glm::dvec3(glm::round((span->low.x + span->high.x) / 2),
-                                           glm::round((span->low.y + span->high.y) / 2), 0.0);
-  crowd_settings.seed = job.seed;
-  crowd_settings.channel_names = info.channel_names;
   render::ViewSettings view;
   view.viewport = job.viewport;
   view.selection = job.selection;
@@ -355,22 +391,6 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
     view.look.color_by_channel = true;
     view.look.channel_low = static_cast<float>(job.channel_low);
     view.look.channel_high = static_cast<float>(job.channel_high);
-  }
-
-  std::shared_ptr<const render::Environment> environment;
-  if (job.walls && !(job.environment.empty() && info.walkable_area_wkt.empty())) {
-    auto made = job.environment.empty()
-                    ? render::make_environment(info.walkable_area_wkt, crowd_settings.origin_world,
-                                               job.environment_options)
-                    : render::read_environment(job.environment, crowd_settings.origin_world,
-                                               job.environment_options);
-    if (!made.ok()) {
-      const std::string message(made.status().message());
-      return failure(ExitCode::kBadInput, job.environment.empty()
-                                              ? absl::StrCat(job.trajectory, ": ", message)
-                                              : message);
-    }
-    environment = *std::move(made);
   }
 
   render::FramePipelineOptions pipeline_options = job.pipeline;
@@ -408,7 +428,7 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
   }
 
   render::Crowd crowd(shared_cast, crowd_settings);
-  crowd.set_environment(environment);
+  crowd.set_environment(*environment);
   Feed feed(*std::move(reader), crowd);
   for (Output& output : *outputs) {
     output.sink =

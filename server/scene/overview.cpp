@@ -11,6 +11,7 @@ constexpr double kShrinkSeconds = 8.0;
 constexpr double kForgetSeconds = 10.0;  // nobody looked for this long: start afresh
 constexpr double kMarginM = 1.0;         // around the agents' positions
 constexpr double kLeastSizeM = 6.0;
+constexpr double kNearSiteM = 5.0;  // of the site, or half of what the agents span
 constexpr double kAgentHeightM = 2.0;
 constexpr double kRestM = 1e-3;  // closer than this the box stands still, so frames repeat
 

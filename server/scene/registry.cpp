@@ -91,6 +91,8 @@ Moment NamedCrowd::moment(Clock::time_point now) {
     if (newest->present_count > 0) {
       agents.low += glm::dvec3(newest->low_m);
       agents.high += glm::dvec3(newest->high_m);
+      const std::shared_ptr<const render::Environment> site = crowd_->environment();
+      render::include_environment(site.get(), start_.origin_world, agents.low, agents.high);
       moment.overview = overview_.follow(agents, now);
       return moment;
     }

@@ -101,8 +101,8 @@ double distance_to_segment(const glm::dvec2& point, const glm::dvec2& a, const g
 
 AgentsAt agents_at(const Moment& moment, std::int64_t scene_time_us) {
   const render::CrowdSettings& settings = moment.crowd->settings();
-  return {moment.crowd->bracket(scene_time_us), scene_time_us, settings.origin_world,
-          settings.extrapolate_limit_us};
+  return {moment.crowd->bracket(scene_time_us), moment.crowd->environment(), scene_time_us,
+          settings.origin_world, settings.extrapolate_limit_us};
 }
 
 std::optional<WorldBox> box_of(const AgentsAt& agents) {
@@ -113,6 +113,9 @@ std::optional<WorldBox> box_of(const AgentsAt& agents) {
                        agents.origin_world + glm::dvec3(snapshot->high_m)};
     box = !box.has_value() ? one
                            : WorldBox{glm::min(box->low, one.low), glm::max(box->high, one.high)};
+  }
+  if (box.has_value()) {
+    render::include_environment(agents.environment.get(), agents.origin_world, box->low, box->high);
   }
   return box;
 }

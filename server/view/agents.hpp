@@ -2,12 +2,14 @@
 
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <memory>
 #include <optional>
 #include <vector>
 
 #include "server/scene/registry.hpp"
 #include "throng/render/camera.hpp"
 #include "throng/render/crowd.hpp"
+#include "throng/render/environment.hpp"
 
 namespace throng::server {
 
@@ -15,6 +17,7 @@ namespace throng::server {
 /// history.
 struct AgentsAt {
   render::Bracket bracket;  // both null: nobody
+  std::shared_ptr<const render::Environment> environment;
   std::int64_t scene_time_us = 0;
   glm::dvec3 origin_world{0.0};
   std::int64_t extrapolate_limit_us = 0;
@@ -23,7 +26,8 @@ struct AgentsAt {
 /// The agents of `moment.crowd` at `scene_time_us`.
 AgentsAt agents_at(const Moment& moment, std::int64_t scene_time_us);
 
-/// The box of their positions, world frame, metres; none when nobody is there.
+/// The box of their positions and of what stands near them, world frame, metres; none when nobody
+/// is there.
 std::optional<WorldBox> box_of(const AgentsAt& agents);
 
 /// What an overview of them shows to somebody who has not looked before.

@@ -185,6 +185,16 @@ def test_name_of_a_followed_agent_makes_a_safe_path(program, tmp_path):
     assert [str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*.png")] == ["out/follow-.._a_b_1/1.png"]
 
 
+def test_nobody_to_follow_is_an_error_that_names_somebody(program, tmp_path):
+    (tmp_path / "two.csv").write_text("time,id,x,y\n0,7,1,1\n0,9,3,1\n1,7,2,1\n1,9,4,1\n")
+    (tmp_path / "camera.json").write_text('{"follow": {"agent": 8}}')
+    for camera in "follow:8", "camera.json":
+        result = program("throng-render", "two.csv", "-o", "out/#.png", "--camera", camera, *SMALL)
+        assert result.returncode == 3
+        assert f"--camera {camera}: two.csv has no such agent among its 2; the first of them is 7" in result.stderr
+        assert not (tmp_path / "out").exists()
+
+
 SITES = {
     "hall.wkt": "POLYGON ((-2 -2, 12 -2, 12 6, -2 6, -2 -2), (3 4, 5 4, 5 5, 3 5, 3 4))",
     "hall.geojson": json.dumps({"type": "FeatureCollection", "features": [

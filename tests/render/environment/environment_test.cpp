@@ -126,8 +126,9 @@ std::string star(int corners) {
   for (int i = 0; i <= corners; ++i) {
     const double angle = 2.0 * 3.14159265358979323846 * (i % corners) / corners;
     const double radius = i % corners % 2 == 0 ? 500.0 : 503.0;
-    wkt += (i > 0 ? "," : "") + std::to_string(radius * std::cos(angle)) + " " +
-           std::to_string(radius * std::sin(angle));
+    if (i > 0) wkt += ",";
+    wkt +=
+        std::to_string(radius * std::cos(angle)) + " " + std::to_string(radius * std::sin(angle));
   }
   return wkt + "))";
 }
@@ -149,6 +150,21 @@ TEST(EnvironmentTest, ManyPointsAreRaised) {
   const auto environment = make_environment(star(3'000), {});
   ASSERT_TRUE(environment.ok()) << environment.status();
   EXPECT_GT((*environment)->triangles, 12'000U);
+}
+
+TEST(EnvironmentTest, CamerasSeeTheWallsNearTheAgents) {
+  const glm::dvec3 origin(100.0, 0.0, 0.0);
+  const auto room = make_environment("POLYGON ((90 0, 110 0, 110 8, 90 8, 90 0))", origin,
+                                     {.wall_thickness_m = 0.5});
+  ASSERT_TRUE(room.ok()) << room.status();
+  glm::dvec3 low(98.0, 3.0, 0.0), high(106.0, 4.0, 0.0);
+  include_environment(room->get(), origin, low, high);
+  EXPECT_NEAR(low.x, 93.0, 1e-4);    // 5 m from who stands nearest
+  EXPECT_NEAR(high.x, 110.5, 1e-4);  // the wall's outside
+  EXPECT_NEAR(low.y, -0.5, 1e-4);
+  EXPECT_NEAR(high.y, 8.5, 1e-4);
+  include_environment(nullptr, origin, low, high);
+  EXPECT_NEAR(low.x, 93.0, 1e-4);
 }
 
 TEST(EnvironmentTest, WhoNoLongerWaitsIsNotServed) {
