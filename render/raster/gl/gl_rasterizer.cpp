@@ -15,9 +15,11 @@
 #include "render/raster/gl/cast_textures.hpp"
 #include "render/raster/gl/cuda_interop.hpp"
 #include "render/raster/gl/egl_context.hpp"
+#include "render/raster/gl/mapped_buffer.hpp"
 #include "render/raster/gl/program.hpp"
 #include "render/raster/gl/relief_pass.hpp"
 #include "render/raster/gl/shaders.hpp"
+#include "render/raster/gl/splat_pass.hpp"
 #include "render/raster/scene.hpp"
 #include "render/raster/smooth_edges.hpp"
 
@@ -47,44 +49,6 @@ absl::Status gl_failed(const char* call) {
   if (code == GL_OUT_OF_MEMORY) return absl::ResourceExhaustedError(message);
   return absl::InternalError(message);
 }
-
-/// A buffer that stays mapped. A draw ends with a read-back, so nobody reads it when it is written.
-class MappedBuffer {
- public:
-  ~MappedBuffer() { release(); }
-  void release() {
-    if (name_ != 0) glDeleteBuffers(1, &name_);
-    name_ = 0;
-    size_bytes_ = 0;
-    data_ = nullptr;
-  }
-  absl::Status reserve(std::size_t size_bytes) {
-    size_bytes = std::max<std::size_t>(size_bytes, 256);
-    if (size_bytes <= size_bytes_) return absl::OkStatus();
-    size_bytes += size_bytes / 2;
-    release();
-    constexpr GLbitfield kFlags = GL_MAP_WRITE_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
-    glCreateBuffers(1, &name_);
-    glNamedBufferStorage(name_, static_cast<GLsizeiptr>(size_bytes), nullptr, kFlags);
-    data_ = glMapNamedBufferRange(name_, 0, static_cast<GLsizeiptr>(size_bytes), kFlags);
-    if (data_ == nullptr) {
-      while (glGetError() != GL_NO_ERROR) {
-      }
-      release();
-      return absl::ResourceExhaustedError(
-          absl::StrCat("gl draw: no buffer of ", size_bytes, " bytes"));
-    }
-    size_bytes_ = size_bytes;
-    return absl::OkStatus();
-  }
-  GLuint name() const { return name_; }
-  void* data() const { return data_; }
-
- private:
-  GLuint name_ = 0;
-  std::size_t size_bytes_ = 0;
-  void* data_ = nullptr;
-};
 
 /// What is drawn to (one or four samples a pixel), and the picture that is read back.
 struct Target {
@@ -117,6 +81,7 @@ class GlRasterizer final : public Rasterizer {
     indices_.release();
     instances_.release();
     reliefs_.release();
+    splats_.release();
     const GLuint textures[] = {base_color_, tint_mask_};
     glDeleteTextures(2, textures);
     glDeleteBuffers(1, &uniforms_);
@@ -173,6 +138,7 @@ class GlRasterizer final : public Rasterizer {
     }
     if (auto status = compile_agents(ShaderOptions{}); !status.ok()) return status;
     if (auto status = reliefs_.prepare(); !status.ok()) return status;
+    if (auto status = splats_.prepare(samples_); !status.ok()) return status;
 
     glCreateBuffers(1, &uniforms_);
     glNamedBufferStorage(uniforms_, sizeof(FrameUniforms), nullptr, GL_DYNAMIC_STORAGE_BIT);
@@ -205,7 +171,7 @@ class GlRasterizer final : public Rasterizer {
                          context_->version(), interop_note_)};
   }
 
-  bool draws(Representation form) const override { return form <= Representation::kImpostor; }
+  bool draws(Representation form) const override { return form <= Representation::kPoints; }
 
   absl::Status upload(std::shared_ptr<const Cast> cast) override {
     if (cast == nullptr || cast->members.empty()) {
@@ -294,6 +260,7 @@ class GlRasterizer final : public Rasterizer {
           !status.ok()) {
         return status;
       }
+      if (auto status = splats_.stage(geometry.splats); !status.ok()) return status;
 
       const bool whole = viewport.width_px <= kTargetMaxSidePx &&
                          viewport.height_px <= kTargetMaxSidePx &&
@@ -305,6 +272,8 @@ class GlRasterizer final : public Rasterizer {
           const Tile tile{x, y, std::min(tile_width, viewport.width_px - x),
                           std::min(tile_height, viewport.height_px - y)};
           set_uniforms(tile, camera, viewport, scene);
+          splats_.set_view(glm::mat3(view_from_relative(camera)), scene.px_per_tangent,
+                           tile.width_px, tile.height_px, geometry.instances.size());
           if (auto status = draw_tile(geometry, tile, scene.shadows, look.relief_search, picture);
               !status.ok()) {
             return status;
@@ -589,6 +558,7 @@ class GlRasterizer final : public Rasterizer {
     }
 
     reliefs_.draw(search);
+    splats_.draw();
 
     // Shadows: the largest one at each sample, in alpha.
     glDepthMask(GL_FALSE);
@@ -639,6 +609,7 @@ class GlRasterizer final : public Rasterizer {
   GLuint mesh_array_ = 0, empty_array_ = 0, uniforms_ = 0, base_color_ = 0, tint_mask_ = 0;
   MappedBuffer vertices_, indices_, instances_;
   ReliefPass reliefs_;
+  SplatPass splats_;
   std::unique_ptr<CudaInterop> interop_;  // null: vertices come from the host
   std::string interop_note_;
   bool on_device_ = false;                         // what is drawn now

@@ -313,6 +313,96 @@ void main() {
 }
 )";
 
+// Splats as the visibility rasterizer places them (visibility/cpu/splat.cpp): a disc of the surface
+// is an ellipse on the picture, its depth a plane. One colour for each, so light falls once.
+constexpr char kSplatVertex[] = R"(
+layout(location = 0) in vec3 position;
+layout(location = 1) in float radius_m;  // negative: without a side
+layout(location = 2) in vec2 octahedral;
+layout(location = 3) in uint base;
+layout(location = 4) in uint regions;
+layout(location = 5) in uint visible;
+layout(location = 0) uniform mat3 view_from_relative;
+layout(location = 3) uniform vec3 target;  // width and height in pixels, pixels of a tangent
+layout(location = 4) uniform uint instance_count;
+flat out vec4 v_disc;   // pixels from the top left, depth, squared radius
+flat out vec3 v_slope;  // of the surface towards the eye, right and down; of depth by that
+flat out vec3 v_color;
+
+const float kLeastFacing = 0.25;
+
+void main() {
+  gl_Position = vec4(2.0, 2.0, 0.0, 1.0);  // outside
+  gl_PointSize = 1.0;
+  v_disc = vec4(0.0);
+  v_slope = v_color = vec3(0.0);
+  vec4 clip = frame.clip_from_relative * vec4(position, 1.0);
+  if (!(clip.w > 0.0) || !(clip.z > 0.0) || !(clip.z <= clip.w)) return;
+  vec3 n = vec3(octahedral, 1.0 - abs(octahedral.x) - abs(octahedral.y));
+  float fold = max(-n.z, 0.0);
+  n.x += n.x >= 0.0 ? -fold : fold;
+  n.y += n.y >= 0.0 ? -fold : fold;
+  n = normalize(n);
+  vec3 to_eye = frame.horizon_color.w > 0.5 ? -frame.ray_direction.xyz : -position;
+  float facing = dot(n, to_eye);
+  bool has_side = radius_m >= 0.0;
+  if (has_side && !(facing > 0.0)) return;
+  float px_per_m = target.z / clip.w;
+  float radius = abs(radius_m) * px_per_m;
+  if (!(radius >= 0.0)) return;
+  radius = max(radius, kLeastRadius);
+  vec3 ndc = clip.xyz / clip.w;
+  vec2 size = target.xy;
+  v_disc = vec4((0.5 + 0.5 * ndc.x) * size.x, (0.5 - 0.5 * ndc.y) * size.y, min(ndc.z, 1.0), radius * radius);
+  if (has_side) {
+    vec3 in_view = view_from_relative * n;
+    float steep = 1.0 / max(facing / length(to_eye), kLeastFacing);
+    vec3 nearer = vec3(view_from_relative[0].z, view_from_relative[1].z, view_from_relative[2].z);
+    mat4 m = frame.clip_from_relative;
+    float dz = dot(vec3(m[0].z, m[1].z, m[2].z), nearer);
+    float dw = dot(vec3(m[0].w, m[1].w, m[2].w), nearer);
+    v_slope = vec3(-in_view.x * steep, in_view.y * steep,
+                   (dz - v_disc.z * dw) / (clip.w * max(px_per_m, 1e-12)));
+  } else if (facing < 0.0) {
+    n = -n;
+  }
+  // points are dropped with their centres: of one beside the picture the centre goes to its edge
+  vec2 reach = 2.0 * radius / size;
+  if (any(greaterThan(abs(ndc.xy), 1.0 + reach))) return;
+  gl_Position = vec4(clamp(ndc.xy, vec2(-1.0), vec2(1.0)), v_disc.z, 1.0);
+  gl_PointSize = 2.0 * radius + 0.0625;  // and what places are rounded by
+
+  vec3 color = unpack_color(base);
+  vec3 albedo = color;
+  float feet = frame.sun_direction.w;
+  if (visible < instance_count) {
+    Instance instance = instances[visible];
+    feet = instance.feet.z;
+    albedo = instance.channel != 0xffffffffu ? channel_color(instance.channel, color)
+                                             : tinted(color, unpackUnorm4x8(regions), instance.tints);
+  }
+  v_color = lit_color(albedo, n, position, mix(0.55, 1.0, smoothstep(-0.05, 0.75, position.z - feet)));
+}
+)";
+
+constexpr char kSplatFragment[] = R"(
+flat in vec4 v_disc;
+flat in vec3 v_slope;
+flat in vec3 v_color;
+layout(location = 0) out vec4 color;
+void main() {
+#ifdef SAMPLES
+  vec2 at = floor(gl_FragCoord.xy) + gl_SamplePosition - v_disc.xy;
+#else
+  vec2 at = gl_FragCoord.xy - v_disc.xy;
+#endif
+  float rise = dot(v_slope.xy, at);
+  if (dot(at, at) + rise * rise > v_disc.w) discard;
+  gl_FragDepth = clamp(v_disc.z + v_slope.z * rise, 1e-30, 1.0);
+  color = vec4(v_color, 1.0);
+}
+)";
+
 // A soft blob under the feet and a capsule stretched away from the sun. Only alpha is written: it
 // holds how much of the light is missing (the largest of all shadows there, not their sum).
 constexpr char kBlobVertex[] = R"(
@@ -481,6 +571,15 @@ std::string impostor_vertex_shader() {
 }
 std::string impostor_fragment_shader() {
   return std::string(kCommon) + kInstances + kLight + kImpostors + kImpostorFragment;
+}
+std::string splat_vertex_shader(int samples) {
+  // far ones still meet a sample now and then
+  const char* least =
+      samples > 1 ? "const float kLeastRadius = 0.25;\n" : "const float kLeastRadius = 0.5;\n";
+  return std::string(kCommon) + kInstances + kLight + least + kSplatVertex;
+}
+std::string splat_fragment_shader(int samples) {
+  return std::string(kCommon) + (samples > 1 ? "#define SAMPLES\n" : "") + kSplatFragment;
 }
 std::string blob_vertex_shader() { return std::string(kCommon) + kInstances + kBlobVertex; }
 std::string blob_fragment_shader() { return std::string(kCommon) + kBlobFragment; }

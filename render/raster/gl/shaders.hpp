@@ -15,6 +15,9 @@ std::string agent_vertex_shader(const ShaderOptions& options);
 std::string agent_fragment_shader(const ShaderOptions& options);
 std::string impostor_vertex_shader();
 std::string impostor_fragment_shader();
+/// @param samples  of a pixel; each is tested apart.
+std::string splat_vertex_shader(int samples);
+std::string splat_fragment_shader(int samples);
 std::string blob_vertex_shader();
 std::string blob_fragment_shader();
 std::string cast_shadow_vertex_shader();

@@ -1000,7 +1000,7 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
     add_colors(scratch.flat_items);
     add_colors(scratch.surface_items);
     if (has_splats) {
-      SplatStage::collect(scratch.planes, geometry.splats, width, height,
+      SplatStage::collect(scratch.planes, geometry.splats, scene, width, height,
                           static_cast<std::uint32_t>(count_), scratch.splat_items);
       shade_surface_items(scene, shades_.data(), scratch.splat_items);
       add_colors(scratch.splat_items);

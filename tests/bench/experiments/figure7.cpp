@@ -129,11 +129,8 @@ absl::Status run_figure7(const Common& common, const PaperOptions& options) {
   }
   ways.push_back(ours("full detail, " + raster, kFullDetail, render::LodRule::kBudget));
   const std::size_t full = ways.size() - 1;
-  // gl has no points yet
-  if (options.raster == render::RasterKind::kVisibility) {
-    ways.push_back(points("points of 1.25 px", 1.25F));
-    ways.push_back(points("points of 3 px", 3.0F));
-  }
+  ways.push_back(points("points of 1.25 px", 1.25F));
+  ways.push_back(points("points of 3 px", 3.0F));
   ways.push_back(theirs("discrete LOD, gl instancing", true));
   ways.push_back(theirs("full detail, gl pseudo-instancing", false));
 

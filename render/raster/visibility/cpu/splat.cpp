@@ -19,6 +19,10 @@ constexpr std::uint32_t kNumberBits = (1U << 30) - 1;
 
 bool is_point(std::uint32_t id) { return (id & ~kNumberBits) == kClassBits; }
 
+glm::vec3 towards_eye(const SceneFrame& scene, const glm::vec3& position_relative) {
+  return scene.orthographic ? -scene.ray_direction : -position_relative;
+}
+
 PlacedSplat place_one(const Splat& splat, const SampleGrid& grid, const SceneFrame& scene,
                       const glm::mat3& view_from_relative) {
   PlacedSplat placed{};
@@ -27,7 +31,7 @@ PlacedSplat place_one(const Splat& splat, const SampleGrid& grid, const SceneFra
   const glm::vec4 clip = grid.clip_from_relative * glm::vec4(p, 1.0F);
   if (!(clip.w > 0.0F) || !(clip.z > 0.0F) || !(clip.z <= clip.w)) return placed;
   const glm::vec3 n = element::unpack_octahedral(splat.normal);
-  const glm::vec3 to_eye = scene.orthographic ? -scene.ray_direction : -p;
+  const glm::vec3 to_eye = towards_eye(scene, p);
   const float facing = glm::dot(n, to_eye);
   const bool has_side = splat.radius_m >= 0.0F;
   if (has_side && !(facing > 0.0F)) return placed;
@@ -141,8 +145,9 @@ void SplatStage::draw(std::size_t tile, int tile_x, int tile_y, TilePlanes& plan
   }
 }
 
-void SplatStage::collect(const TilePlanes& planes, std::span<const Splat> splats, int width,
-                         int height, std::uint32_t instances, SurfaceItems& items) {
+void SplatStage::collect(const TilePlanes& planes, std::span<const Splat> splats,
+                         const SceneFrame& scene, int width, int height, std::uint32_t instances,
+                         SurfaceItems& items) {
   items.count = 0;
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
@@ -167,7 +172,8 @@ void SplatStage::collect(const TilePlanes& planes, std::span<const Splat> splats
         items.regions[n] = splat.regions;
         glm::vec3 normal = element::unpack_octahedral(splat.normal);
         // a disc without a side shows the one it is seen from
-        if (splat.radius_m < 0.0F && glm::dot(normal, splat.position_relative) > 0.0F) {
+        if (splat.radius_m < 0.0F &&
+            glm::dot(normal, towards_eye(scene, splat.position_relative)) < 0.0F) {
           normal = -normal;
         }
         for (int c = 0; c < 3; ++c) {

@@ -49,8 +49,9 @@ class SplatStage {
 
   /// An item for every pixel and splat seen in it.
   /// @param instances  V: the number that splats of nobody take.
-  static void collect(const TilePlanes& planes, std::span<const Splat> splats, int width,
-                      int height, std::uint32_t instances, SurfaceItems& items);
+  static void collect(const TilePlanes& planes, std::span<const Splat> splats,
+                      const SceneFrame& scene, int width, int height, std::uint32_t instances,
+                      SurfaceItems& items);
 
   /// Which splat a word of class point shows.
   static std::uint32_t number_of(std::uint32_t id) { return id & ((1U << 30) - 1); }
