@@ -113,6 +113,9 @@ class VisibilityRasterizer final : public Rasterizer {
   void project_shadows(const FrameGeometry& geometry, const SceneFrame& scene);
   absl::Status number_blocks(const FrameGeometry& geometry);
   void bin();
+  struct Caster;
+  void cut_wall_shadow(const SceneFrame& scene, const InstanceShade& shade, Caster& caster,
+                       std::uint32_t& vertices, std::uint32_t& indices);
   void bin_shadows(const FrameGeometry& geometry, const SceneFrame& scene,
                    const Viewport& viewport);
   void collect_facts(int tile_x_px, int tile_y_px, int width, int height, int picture_width,
@@ -626,9 +629,10 @@ void VisibilityRasterizer::project_shadows(const FrameGeometry& geometry, const 
     caster.footprint = project_vertices(grid_, shadow_vertices_.data(), caster.first_vertex,
                                         caster.first_vertex + count, shadow_projected_);
     if (caster.footprint.clipped) {
+      if (shade.cast_shadow == kNoBlob) return;  // a wall: cut below
       // reaches behind the eye: a soft blob instead
       caster.footprint.x_high = caster.footprint.x_low - 1;
-      if (shade.cast_shadow != kNoBlob) shade.cast_shadow = 0.0F;
+      shade.cast_shadow = 0.0F;
       return;
     }
     const float share = element::cast_shadow_share(scene, shade);
@@ -639,6 +643,55 @@ void VisibilityRasterizer::project_shadows(const FrameGeometry& geometry, const 
       shadow_projected_.depth[v] = element::cast_shadow_strength(share, height_share);
     }
   });
+  for (std::size_t c = 0; c < casters_.size(); ++c) {
+    if (caster_shapes_[c].footprint.clipped && shades_[casters_[c]].cast_shadow == kNoBlob) {
+      cut_wall_shadow(scene, shades_[casters_[c]], caster_shapes_[c], vertices, indices);
+    }
+  }
+}
+
+/// Replaces a wall's triangles by what is left of them in front of the eye, after the used vertices
+/// and indices.
+void VisibilityRasterizer::cut_wall_shadow(const SceneFrame& scene, const InstanceShade& shade,
+                                           Caster& caster, std::uint32_t& vertices,
+                                           std::uint32_t& indices) {
+  const float share = element::cast_shadow_share(scene, shade);
+  const std::uint32_t first_index = indices;
+  Footprint box{grid_.width, grid_.height, -1, -1, 1.0F, false};
+  for (std::uint32_t t = 0; t < caster.triangles; ++t) {
+    element::ShadowPoint corner[3];
+    for (int k = 0; k < 3; ++k) {
+      const BatchVertex& vertex =
+          shadow_vertices_[shadow_indices_[caster.first_index + 3 * t + static_cast<unsigned>(k)]];
+      corner[k].position_relative = vertex.position_relative;
+      std::memcpy(&corner[k].height_share, &vertex.visible, sizeof corner[k].height_share);
+    }
+    element::SnappedVertex polygon[element::kMaxClippedCorners];
+    const auto count =
+        static_cast<std::uint32_t>(element::cut_shadow(grid_, corner, share, polygon));
+    if (count < 3) continue;
+    shadow_projected_.resize(vertices + count);
+    if (shadow_indices_.size() < indices + 3 * count) shadow_indices_.resize(2 * indices + 64);
+    for (std::uint32_t i = 0; i < count; ++i) {
+      shadow_projected_.x[vertices + i] = polygon[i].x;
+      shadow_projected_.y[vertices + i] = polygon[i].y;
+      shadow_projected_.depth[vertices + i] = polygon[i].depth;
+      shadow_projected_.inverse_w[vertices + i] = polygon[i].inverse_w;
+      const int x = polygon[i].x >> element::kSubBits, y = polygon[i].y >> element::kSubBits;
+      box.x_low = std::min(box.x_low, std::max(x, 0));
+      box.y_low = std::min(box.y_low, std::max(y, 0));
+      box.x_high = std::max(box.x_high, std::min(x, grid_.width - 1));
+      box.y_high = std::max(box.y_high, std::min(y, grid_.height - 1));
+      if (i < 2) continue;
+      shadow_indices_[indices++] = vertices;
+      shadow_indices_[indices++] = vertices + i - 1;
+      shadow_indices_[indices++] = vertices + i;
+    }
+    vertices += count;
+  }
+  caster.footprint = box;
+  caster.first_index = first_index;
+  caster.triangles = (indices - first_index) / 3;
 }
 
 void VisibilityRasterizer::bin_shadows(const FrameGeometry& geometry, const SceneFrame& scene,

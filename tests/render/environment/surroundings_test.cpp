@@ -104,6 +104,25 @@ TEST_P(SurroundingsTest, HideWhoStandsBehindThem) {
   EXPECT_EQ(draw(*nobody).rgbx, hidden.rgbx);
 }
 
+TEST_P(SurroundingsTest, CastShadowsFromBesideAndBehindTheEye) {
+  // along a wall that begins behind the eye; its shadow falls to the side that the sun is not on
+  view_.look.sun_direction_world = {-0.6, 0.0, 0.8};
+  view_.camera = {.eye_world = {1.0, -4.0, 1.6}, .target_world = {1.0, 4.0, 0.0}};
+  const auto room = test::standing_crowd(cast_, {{0, 100, 0}});
+  room->set_environment(make_environment("POLYGON ((0 -5, 2 -5, 2 5, 0 5, 0 -5))", {}).value());
+  const Picture bare = draw(*room);
+  view_.look.shadows = true;
+  const Picture shaded = draw(*room);
+  // the ground at the foot of the western wall, low in the picture: ahead of the eye by 1 to 3 m
+  int darker = 0;
+  for (std::size_t y = 90; y < 120; ++y) {
+    for (std::size_t x = 0; x < 120; ++x) {
+      darker += bare.rgbx[4 * (y * 120 + x)] - shaded.rgbx[4 * (y * 120 + x)] > 20 ? 1 : 0;
+    }
+  }
+  EXPECT_GT(darker, 300);
+}
+
 TEST_P(SurroundingsTest, AreForgottenWithTheirCrowd) {
   const Picture first = draw(*crowd(kRoom));
   for (int i = 0; i < 5; ++i) EXPECT_EQ(draw(*crowd(kRoom)).rgbx, first.rgbx);

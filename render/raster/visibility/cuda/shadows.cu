@@ -82,8 +82,8 @@ __global__ void chosen_kernel(RasterJob job) {
   }
 }
 
-/// One caster by a block of threads: its triangles thrown on the ground, or none of them where one
-/// point would need clipping (a blob stands in for it).
+/// One caster by a block of threads: its triangles thrown on the ground. Where a point would need
+/// clipping a wall's are cut, and of a figure none are drawn (a blob stands in for it).
 __global__ void __launch_bounds__(kThreads) caster_kernel(RasterJob job) {
   const std::uint32_t casters = job.counts->casters;
   const Target target = target_of(job, true);
@@ -112,8 +112,9 @@ __global__ void __launch_bounds__(kThreads) caster_kernel(RasterJob job) {
       clipped =
           clipped || element::project(job.grid, point.position_relative).x == element::kNeedsClip;
     }
-    if (__syncthreads_or(clipped ? 1 : 0) != 0) {
-      if (threadIdx.x == 0 && shade.cast_shadow != kNoBlob) job.shade[i].cast_shadow = 0.0F;
+    const bool cut = __syncthreads_or(clipped ? 1 : 0) != 0;
+    if (cut && shade.cast_shadow != kNoBlob) {
+      if (threadIdx.x == 0) job.shade[i].cast_shadow = 0.0F;
       continue;
     }
     const float share = element::cast_shadow_share(job.scene, shade);
@@ -125,6 +126,7 @@ __global__ void __launch_bounds__(kThreads) caster_kernel(RasterJob job) {
       triangle.flags = LargeTriangle::kShadow | LargeTriangle::kDoubleSided;
       triangle.first_corner = 0;
       triangle.character = character;
+      element::ShadowPoint corner[3];
       for (int k = 0; k < 3 && t < triangles; ++k) {
         const std::uint32_t vertex =
             level == kNoLevel
@@ -133,12 +135,25 @@ __global__ void __launch_bounds__(kThreads) caster_kernel(RasterJob job) {
                       ((job.cast.level_corners[job.cast.level[level].first_triangle + t] >>
                         (10 * k)) &
                        1023U);
-        const element::ShadowPoint point =
-            element::shadow_point(job.scene, shade, job.vertices[vertex].position_relative);
-        triangle.v[k] = element::project(job.grid, point.position_relative);
-        triangle.v[k].depth = element::cast_shadow_strength(share, point.height_share);
+        corner[k] = element::shadow_point(job.scene, shade, job.vertices[vertex].position_relative);
+        if (cut) continue;
+        triangle.v[k] = element::project(job.grid, corner[k].position_relative);
+        triangle.v[k].depth = element::cast_shadow_strength(share, corner[k].height_share);
       }
-      draw_by_warp(job, t < triangles, triangle, target);
+      if (!cut) {
+        draw_by_warp(job, t < triangles, triangle, target);
+        continue;
+      }
+      element::SnappedVertex polygon[element::kMaxClippedCorners];
+      const int count = t < triangles ? element::cut_shadow(job.grid, corner, share, polygon) : 0;
+      for (int n = 2; __ballot_sync(kAllLanes, n < count) != 0; ++n) {
+        if (n < count) {
+          triangle.v[0] = polygon[0];
+          triangle.v[1] = polygon[n - 1];
+          triangle.v[2] = polygon[n];
+        }
+        draw_by_warp(job, n < count, triangle, target);
+      }
     }
   }
 }

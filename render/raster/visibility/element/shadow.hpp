@@ -87,4 +87,42 @@ THRONG_HOST_DEVICE inline float cast_shadow_strength(float share, float height_s
   return share * (0.56F - 0.14F * height_share);
 }
 
+/// A wall's triangle thrown on the ground, cut where it reaches behind the eye: a convex polygon,
+/// returned as its number of corners (0, or 3 to kMaxClippedCorners). Their depth is the strength.
+/// @param share  of cast_shadow_share
+THRONG_HOST_DEVICE inline int cut_shadow(const SampleGrid& grid, const ShadowPoint corner[3],
+                                         float share, SnappedVertex polygon[kMaxClippedCorners]) {
+  glm::vec4 clip[3];
+  bool cut = false;
+  for (int k = 0; k < 3; ++k) {
+    clip[k] = to_clip(grid.clip_from_relative, corner[k].position_relative);
+    cut = !snap(grid, clip[k], polygon[k]) || cut;
+    polygon[k].depth = cast_shadow_strength(share, corner[k].height_share);
+  }
+  if (!cut) return 3;
+  // x, y and w of a cut corner are sums of the corners', and so is its height
+  const auto cross = [](const glm::vec4& a, const glm::vec4& b) {
+    return glm::dvec3(static_cast<double>(a.y) * b.w - static_cast<double>(a.w) * b.y,
+                      static_cast<double>(a.w) * b.x - static_cast<double>(a.x) * b.w,
+                      static_cast<double>(a.x) * b.y - static_cast<double>(a.y) * b.x);
+  };
+  const glm::dvec3 side[3] = {cross(clip[1], clip[2]), cross(clip[2], clip[0]),
+                              cross(clip[0], clip[1])};
+  const double whole = side[0].x * clip[0].x + side[0].y * clip[0].y + side[0].z * clip[0].w;
+  if (whole == 0.0) return 0;  // seen edge on
+  const int count = clip_triangle(grid, clip, polygon);
+  for (int i = 0; i < count; ++i) {
+    SnappedVertex& at = polygon[i];
+    const double x = 2.0 * at.x / (static_cast<double>(grid.width) * kSubUnit) - 1.0;
+    const double y = 1.0 - 2.0 * at.y / (static_cast<double>(grid.height) * kSubUnit);
+    double height = 0.0;
+    for (int k = 0; k < 3; ++k) {
+      height += (side[k].x * x + side[k].y * y + side[k].z) * corner[k].height_share;
+    }
+    const auto height_share = static_cast<float>(height / (whole * at.inverse_w));
+    at.depth = cast_shadow_strength(share, least(most(height_share, 0.0F), 1.0F));
+  }
+  return count;
+}
+
 }  // namespace throng::render::element
