@@ -7,6 +7,7 @@
 #include "render/compute/cpu/stages.hpp"
 #include "render/compute/cpu/want_poses.hpp"
 #include "render/compute/element/octahedral.hpp"
+#include "render/compute/element/posed.hpp"
 #include "render/compute/element/shared_pose.hpp"
 
 namespace throng::render {
@@ -87,17 +88,15 @@ void place_posed(const float* posed, std::uint32_t stride, const CharacterTable&
                  std::uint32_t visible, BatchVertex* out) {
   const float* column = posed + kPosedHeader;
   for (std::uint32_t i = 0; i < instance.vertex_count; ++i) {
-    const float x = column[i], y = column[stride + i], z = column[2 * stride + i];
+    const glm::vec3 p(column[i], column[stride + i], column[2 * stride + i]);
     out[i].position_relative =
-        instance.position_relative +
-        glm::vec3(x * placement.cosine_scale - y * placement.sine_scale,
-                  x * placement.sine_scale + y * placement.cosine_scale, z * placement.scale);
+        element::place_posed(instance.position_relative, placement.cosine_scale,
+                             placement.sine_scale, placement.scale, p);
     glm::i16vec2 packed;
     std::memcpy(&packed, column + 3 * stride + i, 4);
-    const glm::vec3 n = element::unpack_octahedral(packed);
-    const std::uint32_t code = element::pack_octahedral(
-        n.x * placement.cosine_scale - n.y * placement.sine_scale,
-        n.x * placement.sine_scale + n.y * placement.cosine_scale, n.z * placement.scale);
+    const glm::vec3 n = element::turn_posed(placement.cosine_scale, placement.sine_scale,
+                                            placement.scale, element::unpack_octahedral(packed));
+    const std::uint32_t code = element::pack_octahedral(n.x, n.y, n.z);
     std::memcpy(&out[i].normal, &code, sizeof code);
     out[i].uv = table.vertex[i].uv;
     out[i].visible = visible;

@@ -5,15 +5,15 @@
 
 #include <algorithm>
 
+#include "render/compute/element/posed.hpp"
 #include "render/compute/element/shared_pose.hpp"
 #include "throng/render/compute.hpp"
 
 namespace throng::render {
 namespace {
 
-constexpr std::uint32_t kLanes = 16;  // columns start on a cache line
-
-std::uint64_t values_of(std::uint32_t stride) { return kPosedHeader + std::uint64_t{4} * stride; }
+using element::kPosedLanes;
+static_assert(element::posed_values(1) == kPosedHeader + 4);
 
 }  // namespace
 
@@ -42,8 +42,8 @@ absl::StatusOr<bool> PosedBank::reserve(std::vector<Want>& wanted) {
                wanted.end());
   std::uint64_t values = 0;
   for (Want& want : wanted) {
-    want.vertices = (want.vertices + kLanes - 1) / kLanes * kLanes;
-    values += values_of(want.vertices);
+    want.vertices = (want.vertices + kPosedLanes - 1) / kPosedLanes * kPosedLanes;
+    values += element::posed_values(want.vertices);
   }
   if (values == 0) return true;
   if (block_ == nullptr || used_ + values > block_->size()) {
@@ -63,7 +63,7 @@ absl::StatusOr<bool> PosedBank::reserve(std::vector<Want>& wanted) {
   }
   for (const Want& want : wanted) {
     meshes_[want.mesh] = {static_cast<std::uint32_t>(used_), want.vertices};
-    used_ += values_of(want.vertices);
+    used_ += element::posed_values(want.vertices);
   }
   return true;
 }

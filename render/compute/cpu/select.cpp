@@ -82,9 +82,7 @@ class Dealer {
   WorkPool& pool_;
 };
 
-/// Who shares a pose, and how coarse it may be: the coarsest tier that is off by less than
-/// kSharedErrorPx. Each agent's limits lie up to a tenth apart, so that a row of them does not
-/// change at once. Only agents wholly between the near and the far plane share.
+/// Who shares a pose, and how coarse it may be.
 void choose_tiers(CpuView& view, PoseMode mode, WorkPool& pool) {
   const std::size_t count = view.visible.size();
   view.tier.resize(count);
@@ -93,43 +91,16 @@ void choose_tiers(CpuView& view, PoseMode mode, WorkPool& pool) {
     return;
   }
   const element::Frustum frustum = element::frustum_from(view.clip_from_relative);
-  const std::vector<bool>& is_listed = view.instances->cast->levels.is_listed;
+  const CastTable& cast = *view.instances->cast;
   pool.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const VisibleInstance& instance = view.visible[i];
-      view.tier[i] = kOwnPose;
-      if (!is_listed[instance.character]) continue;
-      const glm::vec3& p = instance.position_relative;
-      bool is_between = true;
-      float inside_m = 0.0F;  // of the near plane, which comes last
-      for (const glm::vec4& plane : {frustum.planes[4], frustum.planes[5]}) {
-        inside_m = plane.x * p.x + plane.y * p.y + plane.z * p.z + plane.w;
-        // the feet are within the bounding sphere
-        is_between = is_between && inside_m > 2.5F * instance.radius_m;
-      }
-      if (!is_between) continue;
-      const float d =
-          view.projection.perspective != 0 ? std::max(view.distance_m[i], instance.radius_m) : 1.0F;
-      const float px_per_m =
-          view.projection.focal_px / d *
-          (1.0F + 0.1F * element::unit_from_seed(instance.seed, element::kSeedTier));
-      // The rasterizer keeps a figure's coordinates in 16 bits: wide creatures, and what a wide
-      // angle draws out at its edges, away from the centre by the square of distance over depth.
-      const float drawn_out =
-          view.projection.perspective != 0 ? std::max(d / inside_m, 1.0F) : 1.0F;
-      const float radius_px = px_per_m * instance.radius_m;
-      if (radius_px > element::kSharedRadiusPx ||
-          radius_px * drawn_out * drawn_out > element::kSharedDrawnOutPx) {
-        continue;
-      }
-      const float height_px =
-          px_per_m * instance.scale *
-          view.instances->cast->characters[instance.character].character->height_m;
-      for (std::uint32_t tier = element::kTiers; tier-- > 0;) {
-        if (height_px * element::kTierError[tier] >= element::kSharedErrorPx) continue;
-        view.tier[i] = static_cast<std::uint8_t>(tier);
-        break;
-      }
+      view.tier[i] =
+          cast.levels.is_listed[instance.character]
+              ? element::shared_tier(instance, view.distance_m[i],
+                                     cast.characters[instance.character].character->height_m,
+                                     view.projection, frustum)
+              : kOwnPose;
     }
   });
 }

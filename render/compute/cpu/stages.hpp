@@ -15,6 +15,7 @@
 #include "render/compute/element/advance.hpp"
 #include "render/compute/element/pose.hpp"
 #include "render/compute/element/selection.hpp"
+#include "render/compute/element/shared_pose.hpp"
 #include "render/compute/element/skinning.hpp"
 #include "throng/render/compute.hpp"
 
@@ -83,7 +84,7 @@ struct CpuView final : ViewWork {
            indices.size_bytes();
   }
 };
-inline constexpr std::uint8_t kOwnPose = 0xff;
+using element::kOwnPose;
 
 /// What one worker writes on the way; grows to the largest character.
 struct WorkerScratch {

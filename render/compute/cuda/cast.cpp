@@ -6,7 +6,9 @@
 #include <utility>
 #include <vector>
 
+#include "render/compute/cpu/levels.hpp"
 #include "render/compute/element/octahedral.hpp"
+#include "render/compute/element/shared_pose.hpp"
 #include "render/crowd/gait_of.hpp"
 
 namespace throng::render::cuda {
@@ -36,6 +38,13 @@ absl::StatusOr<std::shared_ptr<const CudaCast>> CudaCast::upload(std::shared_ptr
   std::vector<glm::uvec3> triangles;
   std::vector<element::JointMatrix> palettes;
   std::shared_ptr<CudaCast> result(new CudaCast(stream));
+  const LevelTable table = make_levels(*cast);
+  static_assert(kMostLevelVertices == LevelTable::kMostVertices);
+  std::vector<DeviceLevel> levels;
+  for (const Level& level : table.levels) {
+    levels.push_back({level.vertex_count, level.triangle_count, level.first_triangle});
+  }
+  std::vector<std::uint32_t> level_at;
 
   for (std::size_t m = 0; m < cast->members.size(); ++m) {
     const Character& from = cast->members[m].character;
@@ -58,6 +67,13 @@ absl::StatusOr<std::shared_ptr<const CudaCast>> CudaCast::upload(std::shared_ptr
     to.first_triangle = static_cast<std::uint32_t>(triangles.size());
     to.first_count = static_cast<std::uint32_t>(legal_counts.size());
     to.first_matrix = static_cast<std::uint32_t>(palettes.size());
+    to.height_m = from.height_m;
+    to.first_level = DeviceCharacter::kNeverShares;
+    if (table.is_listed[m]) {
+      to.first_level = static_cast<std::uint32_t>(level_at.size());
+      level_at.insert(level_at.end(), table.level_at[m].begin(), table.level_at[m].end());
+      result->mesh_count_ = static_cast<std::uint32_t>(m + 1) * element::kSharedPoses;
+    }
     result->most_joints_ = std::max(result->most_joints_, joints);
 
     for (std::uint32_t i = 0; i < from.vertex_count(); ++i) {
@@ -93,6 +109,9 @@ absl::StatusOr<std::shared_ptr<const CudaCast>> CudaCast::upload(std::shared_ptr
       copy(triangle_counts, result->triangle_count_at_, device.triangle_count_at, stream), kCall);
   THRONG_CUDA_TRY(copy(legal_counts, result->legal_count_, device.legal_count, stream), kCall);
   THRONG_CUDA_TRY(copy(palettes, result->palette_, device.palette, stream), kCall);
+  THRONG_CUDA_TRY(copy(levels, result->level_, device.level, stream), kCall);
+  THRONG_CUDA_TRY(copy(table.corners, result->level_corners_, device.level_corners, stream), kCall);
+  THRONG_CUDA_TRY(copy(level_at, result->level_at_, device.level_at, stream), kCall);
   THRONG_CUDA_TRY(cudaStreamSynchronize(stream), kCall);  // the vectors end here
   result->cast_ = std::move(cast);
   return result;

@@ -20,6 +20,8 @@ class CudaCast {
   const DeviceCast& device() const { return device_; }
   std::size_t character_count() const { return cast_->members.size(); }
   std::uint32_t most_joints() const { return most_joints_; }
+  /// Of posed meshes that agents may share.
+  std::uint32_t mesh_count() const { return mesh_count_; }
 
  private:
   explicit CudaCast(cudaStream_t stream)
@@ -30,11 +32,14 @@ class CudaCast {
         triangle_(stream),
         triangle_count_at_(stream),
         legal_count_(stream),
-        palette_(stream) {}
+        palette_(stream),
+        level_(stream),
+        level_corners_(stream),
+        level_at_(stream) {}
 
   std::shared_ptr<const Cast> cast_;
   DeviceCast device_;
-  std::uint32_t most_joints_ = 0;
+  std::uint32_t most_joints_ = 0, mesh_count_ = 0;
   DeviceBuffer<DeviceCharacter> character_;
   DeviceBuffer<element::SourceVertex> vertex_;
   DeviceBuffer<glm::u16vec2> uv_;
@@ -43,6 +48,8 @@ class CudaCast {
   DeviceBuffer<std::uint32_t> triangle_count_at_;
   DeviceBuffer<std::uint32_t> legal_count_;
   DeviceBuffer<element::JointMatrix> palette_;
+  DeviceBuffer<DeviceLevel> level_;
+  DeviceBuffer<std::uint32_t> level_corners_, level_at_;
 };
 
 }  // namespace throng::render::cuda

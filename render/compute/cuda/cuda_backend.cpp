@@ -55,6 +55,16 @@ struct CudaView final : ViewWork {
         order(stream),
         visible(stream),
         distance_m(stream),
+        tier(stream),
+        own(stream),
+        mesh(stream),
+        wanted(stream),
+        size(stream),
+        is_made(stream),
+        list(stream),
+        posed_table(stream),
+        posed(stream),
+        shared(stream),
         share(stream),
         vertex_count(stream),
         triangle_count(stream),
@@ -69,11 +79,22 @@ struct CudaView final : ViewWork {
   ViewStage stage = ViewStage::kNew;
   std::shared_ptr<const CudaInstances> instances;
   element::Projection projection;
+  element::Frustum frustum;
   DeviceCounters seen;  // as of the last stage that read them back
   DeviceBuffer<std::uint8_t> mask;
   DeviceBuffer<std::uint32_t> order;
   DeviceBuffer<VisibleInstance> visible;
   DeviceBuffer<float> distance_m;
+  bool share_poses = false, fused = false;
+  DeviceBuffer<std::uint8_t> tier;
+  DeviceBuffer<std::uint32_t> own, mesh, wanted, size, is_made, list;
+  // posed meshes, which stay from frame to frame: of one cast, so many values of `posed`
+  std::shared_ptr<const CudaCast> posed_cast;
+  DeviceBuffer<PosedMesh> posed_table;
+  DeviceBuffer<float> posed;
+  std::uint64_t posed_used = 0;
+  std::uint32_t posed_made = 0;  // in this frame
+  DeviceBuffer<SharedInstance> shared;
   DeviceBuffer<std::uint32_t> share, vertex_count, triangle_count, vertex_offset, triangle_offset;
   DeviceBuffer<BatchVertex> vertices;
   DeviceBuffer<std::uint32_t> indices;
@@ -84,6 +105,13 @@ struct CudaView final : ViewWork {
   bool on_device = false;  // nothing but the counters is read back
   DeviceFrame frame;
   FrameGeometry geometry;  // spans of read_back, or the frame
+
+  std::uint64_t size_bytes() const {
+    const auto sum = [](const auto&... buffer) { return (buffer.size_bytes() + ...); };
+    return sum(mask, order, visible, distance_m, tier, own, mesh, wanted, size, is_made, list,
+               posed_table, shared, share, vertex_count, triangle_count, vertex_offset,
+               triangle_offset, vertices, indices, scratch, sums, counters);
+  }
 };
 
 /// Packs columns into one block, each on a 16-byte boundary.
@@ -113,6 +141,9 @@ class Packer {
   std::vector<Part> parts_;
   std::size_t size_ = 0;
 };
+
+/// Of a view's posed meshes, as on the processor.
+constexpr std::uint64_t kPosedLimitBytes = std::uint64_t{256} << 20;
 
 class CudaBackend final : public ComputeBackend {
  public:
@@ -270,6 +301,7 @@ class CudaBackend final : public ComputeBackend {
     own->stage = ViewStage::kNew;
     own->instances = std::move(own_instances);
     own->projection = projection_of(camera, viewport);
+    own->frustum = element::frustum_from(clip_from_relative(camera, viewport));
     const std::uint32_t slots = own->instances->count;
     std::size_t scratch_bytes = 0;
     THRONG_CUDA_TRY(scan_scratch_bytes(slots + 1, scratch_bytes), "cull");
@@ -280,7 +312,7 @@ class CudaBackend final : public ComputeBackend {
     THRONG_CUDA_TRY(own->distance_m.resize(slots), "cull");
     THRONG_CUDA_TRY(own->counters.resize(1), "cull");
     CullJob job;
-    job.frustum = element::frustum_from(clip_from_relative(camera, viewport));
+    job.frustum = own->frustum;
     job.eye_offset_m = camera.eye_world - own->instances->origin_world;
     job.slots = slots;
     job.sphere_m = own->instances->sphere_m.data();
@@ -308,21 +340,30 @@ class CudaBackend final : public ComputeBackend {
           absl::StrCat("select: alpha is ", selection.alpha, ", must be 3"));
     }
     const std::uint32_t slots = own->instances->count;
+    THRONG_CUDA_TRY(cudaSetDevice(device_), "select");
     THRONG_CUDA_TRY(own->share.resize(slots), "select");
+    THRONG_CUDA_TRY(own->tier.resize(slots), "select");
+    THRONG_CUDA_TRY(own->own.resize(slots), "select");
     THRONG_CUDA_TRY(own->vertex_count.resize(slots + 1), "select");
     THRONG_CUDA_TRY(own->triangle_count.resize(slots + 1), "select");
     THRONG_CUDA_TRY(own->sums.resize(1), "select");
     own->on_device = selection.on_device;
-    THRONG_CUDA_TRY(cudaSetDevice(device_), "select");
+    own->share_poses = selection.pose_mode == PoseMode::kShared;
+    own->fused = selection.geometry == GeometryKind::kFused;
     SelectJob job;
     job.cast = own->instances->cast->device();
     job.projection = own->projection;
     job.vertex_budget = selection.vertex_budget;
     job.deal_again = selection.rule == LodRule::kBudget;
     job.slots = slots;
+    job.frustum = own->frustum;
+    job.share_poses = own->share_poses;
+    job.fused = own->fused;
     job.visible = own->visible.data();
     job.distance_m = own->distance_m.data();
     job.share = own->share.data();
+    job.tier = own->tier.data();
+    job.own = own->own.data();
     job.vertex_count = own->vertex_count.data();
     job.triangle_count = own->triangle_count.data();
     job.sums = own->sums.data();
@@ -341,11 +382,14 @@ class CudaBackend final : public ComputeBackend {
     }
     own->stage = ViewStage::kSelected;
     const std::uint32_t slots = own->instances->count;
+    const CudaCast& cast = *own->instances->cast;
+    THRONG_CUDA_TRY(cudaSetDevice(device_), "allocate");
     std::size_t scratch_bytes = 0;
-    THRONG_CUDA_TRY(scan_scratch_bytes(slots + 1, scratch_bytes), "allocate");
+    THRONG_CUDA_TRY(scan_scratch_bytes(std::max(slots + 1, cast.mesh_count()), scratch_bytes),
+                    "allocate");
+    THRONG_CUDA_TRY(own->scratch.resize(scratch_bytes), "allocate");
     THRONG_CUDA_TRY(own->vertex_offset.resize(slots + 1), "allocate");
     THRONG_CUDA_TRY(own->triangle_offset.resize(slots + 1), "allocate");
-    THRONG_CUDA_TRY(cudaSetDevice(device_), "allocate");
     AllocateJob job;
     job.slots = slots;
     job.vertex_count = own->vertex_count.data();
@@ -353,16 +397,21 @@ class CudaBackend final : public ComputeBackend {
     job.vertex_offset = own->vertex_offset.data();
     job.triangle_offset = own->triangle_offset.data();
     THRONG_CUDA_TRY(launch_allocate(job, own->scratch.data(), scratch_bytes, stream_), "allocate");
+    PosedJob posed;
+    if (absl::Status status = posed_job(*own, posed); !status.ok()) return status;
+    THRONG_CUDA_TRY(launch_want_poses(posed, stream_), "allocate");
     // the one look of the host at a frame: how much room its buffers need
     if (absl::Status status = read_counters(*own); !status.ok()) return status;
     constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max();
-    if (own->seen.vertices > kMost || 3 * own->seen.triangles > kMost) {
+    const DeviceCounters& seen = own->seen;
+    if (seen.own_vertices > kMost || 3 * seen.own_triangles > kMost) {
       return absl::ResourceExhaustedError(
-          absl::StrCat("allocate: ", own->seen.vertices, " vertices and ", 3 * own->seen.triangles,
+          absl::StrCat("allocate: ", seen.own_vertices, " vertices and ", 3 * seen.own_triangles,
                        " indices, must each be at most ", kMost, "; lower the vertex budget"));
     }
-    THRONG_CUDA_TRY(own->vertices.resize(own->seen.vertices), "allocate");
-    THRONG_CUDA_TRY(own->indices.resize(3 * own->seen.triangles), "allocate");
+    THRONG_CUDA_TRY(own->vertices.resize(seen.own_vertices), "allocate");
+    THRONG_CUDA_TRY(own->indices.resize(3 * seen.own_triangles), "allocate");
+    if (own->fused) THRONG_CUDA_TRY(own->shared.resize(seen.visible), "allocate");
     own->stage = ViewStage::kAllocated;
     return absl::OkStatus();
   }
@@ -376,9 +425,16 @@ class CudaBackend final : public ComputeBackend {
     }
     own->stage = ViewStage::kAllocated;
     THRONG_CUDA_TRY(cudaSetDevice(device_), "generate");
+    if (absl::Status status = make_posed(*own); !status.ok()) return status;
     GenerateJob job;
     job.cast = own->instances->cast->device();
     job.visible = own->seen.visible;
+    job.own = own->seen.own;
+    job.list = own->own.data();
+    job.mesh = own->mesh.data();
+    job.table = own->posed_table.data();
+    job.posed = own->posed.data();
+    job.shared = own->fused ? own->shared.data() : nullptr;
     job.most_joints = own->instances->cast->most_joints();
     job.instance = own->visible.data();
     job.state = own->instances->state.data();
@@ -419,6 +475,11 @@ class CudaBackend final : public ComputeBackend {
     counters.vertices = seen.vertices;
     counters.triangles = seen.triangles;
     counters.effective_budget = seen.effective_budget;
+    counters.shared_poses = seen.shared;
+    counters.view_bytes = own->size_bytes();
+    if (own->stage < ViewStage::kGenerated) return counters;
+    counters.posed_meshes = own->posed_made;
+    counters.posed_bytes = own->posed.size_bytes();
     return counters;
   }
 
@@ -503,6 +564,70 @@ class CudaBackend final : public ComputeBackend {
     return absl::OkStatus();
   }
 
+  /// What the kernels of shared poses are given, with room for it. Another cast's meshes go.
+  absl::Status posed_job(CudaView& view, PosedJob& job) {
+    const CudaCast& cast = *view.instances->cast;
+    job.cast = cast.device();
+    job.slots = view.instances->count;
+    job.meshes = view.share_poses ? cast.mesh_count() : 0;
+    job.most_joints = cast.most_joints();
+    THRONG_CUDA_TRY(view.mesh.resize(job.slots), "allocate");
+    THRONG_CUDA_TRY(view.wanted.resize(job.meshes), "allocate");
+    THRONG_CUDA_TRY(view.size.resize(job.meshes), "allocate");
+    THRONG_CUDA_TRY(view.is_made.resize(job.meshes), "allocate");
+    THRONG_CUDA_TRY(view.list.resize(job.meshes), "allocate");
+    if (view.share_poses && view.posed_cast != view.instances->cast) {
+      THRONG_CUDA_TRY(view.posed_table.resize(job.meshes), "allocate");
+      THRONG_CUDA_TRY(
+          cudaMemsetAsync(view.posed_table.data(), 0, job.meshes * sizeof(PosedMesh), stream_),
+          "allocate");
+      view.posed_cast = view.instances->cast;
+      view.posed_used = 0;
+    }
+    job.visible = view.visible.data();
+    job.state = view.instances->state.data();
+    job.tier = view.tier.data();
+    job.mesh = view.mesh.data();
+    job.wanted = view.wanted.data();
+    job.table = view.posed_table.data();
+    job.size = view.size.data();
+    job.is_made = view.is_made.data();
+    job.list = view.list.data();
+    job.counters = view.counters.data();
+    return absl::OkStatus();
+  }
+
+  /// The posed meshes that are not there yet. ResourceExhausted beyond the limit.
+  absl::Status make_posed(CudaView& view) {
+    const DeviceCounters& seen = view.seen;
+    view.posed_made = 0;
+    if (!view.share_poses || seen.all_meshes == 0) return absl::OkStatus();
+    const std::uint64_t room = view.posed.size_bytes() / sizeof(float);
+    PosedJob job;
+    if (absl::Status status = posed_job(view, job); !status.ok()) return status;
+    job.from_scratch = view.posed_used == 0 || view.posed_used + seen.new_values > room;
+    if (job.from_scratch) {
+      if (seen.all_values > kPosedLimitBytes / sizeof(float)) {
+        return absl::ResourceExhaustedError(absl::StrCat(
+            "generate: the posed meshes of one frame need ", sizeof(float) * seen.all_values,
+            " bytes, at most ", kPosedLimitBytes, "; lower the vertex budget"));
+      }
+      // twice as much, so that it is not soon full again
+      view.posed_used = 0;
+      THRONG_CUDA_TRY(
+          view.posed.resize(std::min(2 * seen.all_values, kPosedLimitBytes / sizeof(float))),
+          "generate");
+    }
+    job.posed = view.posed.data();
+    job.used = static_cast<std::uint32_t>(view.posed_used);
+    job.to_make = static_cast<std::uint32_t>(job.from_scratch ? seen.all_meshes : seen.new_meshes);
+    THRONG_CUDA_TRY(launch_make_posed(job, view.scratch.data(), view.scratch.size_bytes(), stream_),
+                    "generate");
+    view.posed_used += job.from_scratch ? seen.all_values : seen.new_values;
+    view.posed_made = job.to_make;
+    return absl::OkStatus();
+  }
+
   absl::Status read_counters(CudaView& view) {
     THRONG_CUDA_TRY(view.read_back.resize(sizeof(DeviceCounters)), "allocate");
     THRONG_CUDA_TRY(cudaMemcpyAsync(view.read_back.data(), view.counters.data(),
@@ -517,8 +642,11 @@ class CudaBackend final : public ComputeBackend {
   void leave_geometry(CudaView& view) {
     view.frame.stream = stream_;
     view.frame.instance_count = view.seen.visible;
-    view.frame.vertex_count = view.seen.vertices;
-    view.frame.triangle_count = view.seen.triangles;
+    view.frame.vertex_count = view.seen.own_vertices;
+    view.frame.triangle_count = view.seen.own_triangles;
+    view.frame.triangles_drawn = view.seen.triangles;
+    view.frame.shared = view.fused ? view.shared.data() : nullptr;
+    view.frame.posed = view.posed.data();
     view.frame.instances = view.visible.data();
     view.frame.vertex_offset = view.vertex_offset.data();
     view.frame.triangle_offset = view.triangle_offset.data();
@@ -531,7 +659,9 @@ class CudaBackend final : public ComputeBackend {
   /// Copies the frame to the host, where all other rasterizers draw it from.
   absl::Status read_geometry(CudaView& view) {
     const std::size_t visible = view.seen.visible;
-    const std::size_t vertices = view.seen.vertices, indices = 3 * view.seen.triangles;
+    const std::size_t vertices = view.seen.own_vertices, indices = 3 * view.seen.own_triangles;
+    const std::size_t shared = view.fused ? visible : 0;
+    const std::size_t posed = view.fused ? view.posed_used : 0;
     std::size_t size_bytes = 0;
     const auto place = [&](std::size_t bytes) {
       const std::size_t at = size_bytes;
@@ -543,6 +673,8 @@ class CudaBackend final : public ComputeBackend {
     const std::size_t triangle_offset_at = place((visible + 1) * sizeof(std::uint32_t));
     const std::size_t vertices_at = place(vertices * sizeof(BatchVertex));
     const std::size_t indices_at = place(indices * sizeof(std::uint32_t));
+    const std::size_t shared_at = place(shared * sizeof(SharedInstance));
+    const std::size_t posed_at = place(posed * sizeof(float));
     THRONG_CUDA_TRY(view.read_back.resize(size_bytes), "generate");
     auto* base = static_cast<std::byte*>(view.read_back.data());
     const auto fetch = [&](std::size_t at, const void* from, std::size_t bytes) {
@@ -561,6 +693,9 @@ class CudaBackend final : public ComputeBackend {
                     "generate");
     THRONG_CUDA_TRY(fetch(indices_at, view.indices.data(), indices * sizeof(std::uint32_t)),
                     "generate");
+    THRONG_CUDA_TRY(fetch(shared_at, view.shared.data(), shared * sizeof(SharedInstance)),
+                    "generate");
+    THRONG_CUDA_TRY(fetch(posed_at, view.posed.data(), posed * sizeof(float)), "generate");
     THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), "generate");
     view.geometry = FrameGeometry();
     view.geometry.instances = {reinterpret_cast<const VisibleInstance*>(base + instance_at),
@@ -571,6 +706,8 @@ class CudaBackend final : public ComputeBackend {
         reinterpret_cast<const std::uint32_t*>(base + triangle_offset_at), visible + 1};
     view.geometry.vertices = {reinterpret_cast<const BatchVertex*>(base + vertices_at), vertices};
     view.geometry.indices = {reinterpret_cast<const std::uint32_t*>(base + indices_at), indices};
+    view.geometry.shared = {reinterpret_cast<const SharedInstance*>(base + shared_at), shared};
+    view.geometry.posed = reinterpret_cast<const float*>(base + posed_at);
     return absl::OkStatus();
   }
 

@@ -8,7 +8,7 @@
 
 namespace throng::render::cuda {
 
-/// A view's batched geometry where it was made. It is there for whoever waits for `stream`, until
+/// A view's geometry where it was made. It is there for whoever waits for `stream`, until
 /// the next call on the view. Offsets have more elements than instances: V + 1 count.
 struct DeviceFrame final : DeviceGeometry {
   cudaStream_t stream = nullptr;
@@ -19,6 +19,9 @@ struct DeviceFrame final : DeviceGeometry {
   const std::uint32_t* triangle_offset = nullptr;
   const BatchVertex* vertices = nullptr;
   const std::uint32_t* indices = nullptr;
+  std::uint64_t triangles_drawn = 0;       // of all instances, those of posed meshes too
+  const SharedInstance* shared = nullptr;  // [V]; null: batched
+  const float* posed = nullptr;
 };
 
 }  // namespace throng::render::cuda

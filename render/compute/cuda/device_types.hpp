@@ -8,7 +8,9 @@
 #include "render/compute/element/gait.hpp"
 #include "render/compute/element/rate_search.hpp"
 #include "render/compute/element/selection.hpp"
+#include "render/compute/element/shared_pose.hpp"
 #include "render/compute/element/skinning.hpp"
+#include "throng/render/representation.hpp"
 #include "throng/render/vertex.hpp"
 
 // What lies in device memory and what the kernels are given. GLM and elements only.
@@ -25,6 +27,15 @@ struct DeviceCharacter {
   std::uint32_t first_triangle = 0;  // of triangle
   std::uint32_t first_count = 0;     // of triangle_count_at and legal_count, C + 1 each
   std::uint32_t first_matrix = 0;    // of palette: frame 0, joint 0
+  std::uint32_t first_level = 0;     // of level_at, kMostLevelVertices + 1; or kNeverShares
+  float height_m = 0.0F;
+  static constexpr std::uint32_t kNeverShares = 0xffffffffU;
+};
+inline constexpr std::uint32_t kMostLevelVertices = 1024;
+
+/// A level of detail that agents with shared poses are drawn with (LevelTable).
+struct DeviceLevel {
+  std::uint32_t vertex_count = 0, triangle_count = 0, first_triangle = 0;
 };
 
 /// All characters' sections, one array a kind.
@@ -37,6 +48,9 @@ struct DeviceCast {
   const std::uint32_t* triangle_count_at = nullptr;
   const std::uint32_t* legal_count = nullptr;
   const element::JointMatrix* palette = nullptr;
+  const DeviceLevel* level = nullptr;
+  const std::uint32_t* level_corners = nullptr;  // three vertices in bits 0, 10 and 20
+  const std::uint32_t* level_at = nullptr;       // finest level within so many vertices
 };
 
 /// What the host reads back once a frame.
@@ -45,6 +59,12 @@ struct DeviceCounters {
   std::uint32_t surrounding = 0;  // of them no agents
   std::uint64_t vertices = 0, triangles = 0;
   std::uint64_t effective_budget = 0;
+  // of them in the batched arrays, by how many instances
+  std::uint64_t own_vertices = 0, own_triangles = 0;
+  std::uint32_t own = 0, shared = 0;
+  // posed meshes that are wanted, and of them those that are not there
+  std::uint64_t all_values = 0, new_values = 0;
+  std::uint64_t all_meshes = 0, new_meshes = 0;
 };
 
 struct AdvanceJob {
@@ -85,9 +105,14 @@ struct SelectJob {
   std::uint64_t vertex_budget = 0;  // N
   bool deal_again = true;           // LodRule::kBudget
   std::uint32_t slots = 0;          // V is at most this
+  element::Frustum frustum;
+  bool share_poses = false;
+  bool fused = false;  // who shares a pose has nothing in the batched arrays
   VisibleInstance* visible = nullptr;
   const float* distance_m = nullptr;
   std::uint32_t* share = nullptr;           // [I]
+  std::uint8_t* tier = nullptr;             // [I] of the shared pose, or kOwnPose
+  std::uint32_t* own = nullptr;             // [I] instances in the batched arrays, in any order
   std::uint32_t* vertex_count = nullptr;    // [I+1] 0 from V on
   std::uint32_t* triangle_count = nullptr;  // [I+1]
   SelectSums* sums = nullptr;               // [1]
@@ -102,10 +127,45 @@ struct AllocateJob {
   std::uint32_t* triangle_offset = nullptr;       // [I+1]
 };
 
+/// A posed mesh; stride 0: it is not there.
+struct PosedMesh {
+  std::uint32_t first = 0;   // value
+  std::uint32_t stride = 0;  // vertices from column to column
+};
+
+/// Posed meshes that agents share, M = characters * kSharedPoses of them. They stay from frame to
+/// frame; when the room is used up, those of the present frame are made anew.
+struct PosedJob {
+  DeviceCast cast;
+  std::uint32_t slots = 0;
+  std::uint32_t meshes = 0;  // M
+  std::uint32_t most_joints = 0;
+  const VisibleInstance* visible = nullptr;
+  const element::InstanceState* state = nullptr;
+  const std::uint8_t* tier = nullptr;
+  std::uint32_t* mesh = nullptr;        // [I] number of the mesh, or kNoMesh
+  std::uint32_t* wanted = nullptr;      // [M] vertices at least
+  PosedMesh* table = nullptr;           // [M]
+  std::uint32_t* size = nullptr;        // [M] values to be made, then where they begin
+  std::uint32_t* is_made = nullptr;     // [M] 1, then place in `list`
+  std::uint32_t* list = nullptr;        // [M] meshes to be made
+  float* posed = nullptr;               // values
+  DeviceCounters* counters = nullptr;   // [1]
+  bool from_scratch = false;            // forget what is there
+  std::uint32_t used = 0, to_make = 0;  // values there before; meshes
+  static constexpr std::uint32_t kNoMesh = 0xffffffffU;
+};
+
 struct GenerateJob {
   DeviceCast cast;
-  std::uint32_t visible = 0;      // V
-  std::uint32_t most_joints = 0;  // of a character, at most 256
+  std::uint32_t visible = 0;            // V
+  std::uint32_t own = 0;                // blocks: of instances in the batched arrays
+  const std::uint32_t* list = nullptr;  // [own] which; null: all visible ones
+  const std::uint32_t* mesh = nullptr;  // [V]
+  const PosedMesh* table = nullptr;
+  const float* posed = nullptr;
+  SharedInstance* shared = nullptr;  // [V] of fused geometry; null: batched
+  std::uint32_t most_joints = 0;     // of a character, at most 256
   const VisibleInstance* instance = nullptr;
   const element::InstanceState* state = nullptr;
   const std::uint32_t* vertex_offset = nullptr;    // [V+1]

@@ -28,7 +28,16 @@ cudaError_t launch_select(const SelectJob& job, cudaStream_t stream);
 cudaError_t launch_allocate(const AllocateJob& job, void* scratch, std::size_t scratch_bytes,
                             cudaStream_t stream);
 
-/// LOD mesh generation and skinning: a block for each instance.
+/// The shared pose of each visible agent that has one, and how much room the meshes of those poses
+/// need. `counters` then tells the host.
+cudaError_t launch_want_poses(const PosedJob& job, cudaStream_t stream);
+
+/// Gives each mesh that is to be made its place, and makes it.
+cudaError_t launch_make_posed(const PosedJob& job, void* scratch, std::size_t scratch_bytes,
+                              cudaStream_t stream);
+
+/// LOD mesh generation and skinning: a block for each instance that has vertices of its own; in
+/// fused geometry the others are listed.
 cudaError_t launch_generate(const GenerateJob& job, cudaStream_t stream);
 
 /// Runs an empty kernel: fails where the device can't run what was built.

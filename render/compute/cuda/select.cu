@@ -1,23 +1,11 @@
-#include <cub/block/block_reduce.cuh>
-
+#include "render/compute/cuda/block_sum.hpp"
 #include "render/compute/cuda/kernel.hpp"
 #include "render/compute/cuda/launch.hpp"
 
 namespace throng::render::cuda {
 namespace {
 
-constexpr std::uint32_t kThreads = 256;
-using Reduce = cub::BlockReduce<std::uint64_t, kThreads>;
-
-/// Adds a block's sum to `total`, once. Integers, so that any order gives the same.
-__device__ void add_up(std::uint64_t value, std::uint64_t* total) {
-  __shared__ typename Reduce::TempStorage storage;
-  const std::uint64_t sum = Reduce(storage).Sum(value);
-  __syncthreads();
-  if (threadIdx.x == 0 && sum != 0) {
-    atomicAdd(reinterpret_cast<unsigned long long*>(total), sum);
-  }
-}
+constexpr std::uint32_t kThreads = kSumThreads;
 
 __device__ std::uint32_t own_index() { return blockIdx.x * blockDim.x + threadIdx.x; }
 
@@ -32,10 +20,23 @@ __global__ void share_kernel(SelectJob job) {
     least = character.coarsest_count;
     most = character.vertex_count;
     job.share[i] = share;
+    job.tier[i] = job.share_poses && character.first_level != DeviceCharacter::kNeverShares
+                      ? element::shared_tier(instance, job.distance_m[i], character.height_m,
+                                             job.projection, job.frustum)
+                      : element::kOwnPose;
   }
   add_up(share, &job.sums->shares);
   add_up(least, &job.sums->least);
   add_up(most, &job.sums->most);
+}
+
+/// Vertices of a legal count, or of a listed level for who shares a pose.
+__device__ std::uint32_t snapped(const SelectJob& job, std::uint8_t tier,
+                                 const DeviceCharacter& character, std::uint32_t dealt) {
+  if (tier == element::kOwnPose || dealt > kMostLevelVertices) {
+    return job.cast.legal_count[character.first_count + dealt];
+  }
+  return job.cast.level[job.cast.level_at[character.first_level + dealt]].vertex_count;
 }
 
 __global__ void begin_kernel(SelectJob job) {
@@ -45,6 +46,10 @@ __global__ void begin_kernel(SelectJob job) {
   job.counters->effective_budget = job.vertex_budget > sums.least ? job.vertex_budget : sums.least;
   job.counters->vertices = 0;
   job.counters->triangles = 0;
+  job.counters->own_vertices = 0;
+  job.counters->own_triangles = 0;
+  job.counters->own = 0;
+  job.counters->shared = 0;
   const std::uint64_t rate = element::rate_of(budget, sums.shares);
   if (job.deal_again && job.counters->visible > 0) {
     sums.search = element::begin_search(budget > sums.least ? budget : sums.least, rate, sums.least,
@@ -65,7 +70,7 @@ __global__ void deal_kernel(SelectJob job) {
     const DeviceCharacter& character = job.cast.character[job.visible[i].character];
     const std::uint32_t least = character.coarsest_count, most = character.vertex_count;
     const std::uint32_t dealt = element::deal(job.sums->search.rate, job.share[i], least, most);
-    vertices = job.cast.legal_count[character.first_count + dealt];
+    vertices = snapped(job, job.tier[i], character, dealt);
     if (dealt != least && dealt != most) free_shares = job.share[i];
   }
   add_up(vertices, &job.sums->deal.vertices);
@@ -79,23 +84,34 @@ __global__ void step_kernel(SelectJob job) {
 
 __global__ void assign_kernel(SelectJob job) {
   const std::uint32_t i = own_index();
-  std::uint32_t vertices = 0, triangles = 0;
+  std::uint32_t vertices = 0, triangles = 0, shares = 0;
   if (i < job.counters->visible) {
     VisibleInstance& instance = job.visible[i];
     const DeviceCharacter& character = job.cast.character[instance.character];
     const std::uint32_t dealt = element::deal(job.sums->search.low, job.share[i],
                                               character.coarsest_count, character.vertex_count);
-    vertices = job.cast.legal_count[character.first_count + dealt];
+    // finer levels are not listed: too many vertices for others to have the same
+    if (dealt > kMostLevelVertices) job.tier[i] = element::kOwnPose;
+    shares = job.tier[i] != element::kOwnPose ? 1 : 0;
+    vertices = snapped(job, job.tier[i], character, dealt);
     triangles = job.cast.triangle_count_at[character.first_count + vertices];
     instance.vertex_count = vertices;
     instance.triangle_count = triangles;
+  }
+  add_up(vertices, &job.counters->vertices);
+  add_up(triangles, &job.counters->triangles);
+  if (shares != 0) atomicAdd(&job.counters->shared, 1U);
+  if (shares != 0 && job.fused) {
+    vertices = triangles = 0;
+  } else if (vertices != 0) {
+    job.own[atomicAdd(&job.counters->own, 1U)] = i;
   }
   if (i <= job.slots) {
     job.vertex_count[i] = vertices;
     job.triangle_count[i] = triangles;
   }
-  add_up(vertices, &job.counters->vertices);
-  add_up(triangles, &job.counters->triangles);
+  add_up(vertices, &job.counters->own_vertices);
+  add_up(triangles, &job.counters->own_triangles);
 }
 
 }  // namespace

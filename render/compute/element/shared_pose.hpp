@@ -1,7 +1,13 @@
 #pragma once
 
+#include <glm/glm.hpp>
+
+#include "render/compute/element/frustum.hpp"
 #include "render/compute/element/gait.hpp"
+#include "render/compute/element/hash.hpp"
 #include "render/compute/element/pose.hpp"
+#include "render/compute/element/selection.hpp"
+#include "throng/render/vertex.hpp"
 
 namespace throng::render::element {
 
@@ -71,12 +77,54 @@ THRONG_HOST_DEVICE inline Pose shared_pose(const Gait& gait, std::uint32_t numbe
 
 /// What a tier's poses are off by as a share of the figure's height: root mean square over the
 /// figure, at the worst moment of a walk mixed with standing (built-in cast, height 1.75 m).
-inline constexpr float kTierError[kTiers] = {0.0066F, 0.0097F, 0.018F, 0.036F};
+THRONG_HOST_DEVICE inline constexpr float tier_error(std::uint32_t tier) {
+  constexpr float kError[kTiers] = {0.0066F, 0.0097F, 0.018F, 0.036F};
+  return kError[tier];
+}
 /// Who would be off by more pixels takes a finer tier, and at last a pose of its own.
 inline constexpr float kSharedErrorPx = 0.25F;
 /// Of the bounding sphere; larger agents never share.
 inline constexpr float kSharedRadiusPx = 48.0F;
 /// The same as drawn at the edge of a wide angle; twice that is under the 128 pixels of 16 bits.
 inline constexpr float kSharedDrawnOutPx = 60.0F;
+
+inline constexpr std::uint8_t kOwnPose = 0xff;
+
+/// How coarse an agent's shared pose may be: the coarsest tier that is off by less than
+/// kSharedErrorPx, or kOwnPose. Each agent's limits lie up to a tenth apart, so that a row of them
+/// does not change at once. Only agents wholly between the near and the far plane share.
+/// @param height_m  of the character, unscaled.
+THRONG_HOST_DEVICE inline std::uint8_t shared_tier(const VisibleInstance& instance,
+                                                   float distance_m, float height_m,
+                                                   const Projection& projection,
+                                                   const Frustum& frustum) {
+  const glm::vec3& p = instance.position_relative;
+  bool is_between = true;
+  float inside_m = 0.0F;  // of the near plane, which comes last
+  for (int k = 4; k < 6; ++k) {
+    const glm::vec4& plane = frustum.planes[k];
+    inside_m = plane.x * p.x + plane.y * p.y + plane.z * p.z + plane.w;
+    // the feet are within the bounding sphere
+    is_between = is_between && inside_m > 2.5F * instance.radius_m;
+  }
+  if (!is_between) return kOwnPose;
+  const bool nearer = distance_m < instance.radius_m;
+  const float d = projection.perspective != 0 ? (nearer ? instance.radius_m : distance_m) : 1.0F;
+  const float px_per_m =
+      projection.focal_px / d * (1.0F + 0.1F * unit_from_seed(instance.seed, kSeedTier));
+  // The rasterizer keeps a figure's coordinates in 16 bits: wide creatures, and what a wide angle
+  // draws out at its edges, away from the centre by the square of distance over depth.
+  const float away = d / inside_m;
+  const float drawn_out = projection.perspective != 0 && away > 1.0F ? away : 1.0F;
+  const float radius_px = px_per_m * instance.radius_m;
+  if (radius_px > kSharedRadiusPx || radius_px * drawn_out * drawn_out > kSharedDrawnOutPx) {
+    return kOwnPose;
+  }
+  const float height_px = px_per_m * instance.scale * height_m;
+  for (std::uint32_t tier = kTiers; tier-- > 0;) {
+    if (height_px * tier_error(tier) < kSharedErrorPx) return static_cast<std::uint8_t>(tier);
+  }
+  return kOwnPose;
+}
 
 }  // namespace throng::render::element

@@ -29,9 +29,6 @@ constexpr std::size_t kPixels = kTilePx * kTilePx;
 constexpr std::uint64_t kCellRefreshTriangles = 512;
 /// Instances seen in at least so many tiles have their triangles culled once for all of them.
 constexpr std::uint32_t kListTiles = 2;
-/// Shared figures whose triangles are smaller than this on the average have one colour for each.
-constexpr float kFlatTrianglePx2 = 1.5F;
-constexpr float kFlatFigurePx = 14.0F;  // of larger figures the difference shows (SSIM 0.006)
 
 /// What a tile needs to know of a visible instance; they lie anywhere in memory, so one cache line.
 struct alignas(64) DrawnInstance {
@@ -446,13 +443,7 @@ void VisibilityRasterizer::prepare(const FrameGeometry& geometry) {
                              drawn.shared.sine_scale,
                              drawn.shared.scale,
                              double_sided ? 1.0F : 0.0F};
-        // a figure covers about a fifth of its height squared, with half of its triangles; who is
-        // on which side of the limit is a little different for each
-        const float triangle_px2 = 0.4F * shades_[i].size_px * shades_[i].size_px /
-                                   static_cast<float>(level.triangle_count);
-        const float limit =
-            0.8F + 0.4F * element::unit_from_seed(instance.seed, element::kSeedFlat);
-        if (triangle_px2 < limit * kFlatTrianglePx2 && shades_[i].size_px < limit * kFlatFigurePx) {
+        if (element::is_flat(shades_[i].size_px, level.triangle_count, instance.seed)) {
           drawn.flags |= DrawnInstance::kFlat;
         }
       }

@@ -51,6 +51,8 @@ struct Scene {
   bool walls = false;
   bool colors = false;
   std::int64_t time_us = 50'000;
+  PoseMode pose_mode = PoseMode::kExact;
+  GeometryKind geometry = GeometryKind::kBatched;
 };
 
 std::string name_of(const testing::TestParamInfo<Scene>& info) { return info.param.name; }
@@ -106,6 +108,8 @@ absl::Status generate(Renderer& renderer, const Scene& scene, const Crowd& crowd
   Selection selection;
   selection.vertex_budget = scene.vertex_budget;
   selection.on_device = renderer.on_device;
+  selection.pose_mode = scene.pose_mode;
+  selection.geometry = scene.geometry;
   if (status.ok()) status = backend.select(*renderer.view, selection);
   if (status.ok()) status = backend.allocate(*renderer.view);
   if (status.ok()) status = backend.generate(*renderer.view);
@@ -146,6 +150,26 @@ void expect_same_bytes(std::span<const T> cpu, std::span<const T> cuda, const ch
   }
 }
 
+/// Posed meshes lie anywhere; what is in them is the same.
+void expect_same_posed(const FrameGeometry& cpu, const FrameGeometry& cuda) {
+  ASSERT_EQ(cpu.shared.size(), cuda.shared.size());
+  for (std::size_t i = 0; i < cpu.shared.size(); ++i) {
+    const SharedInstance& a = cpu.shared[i];
+    const SharedInstance& b = cuda.shared[i];
+    ASSERT_EQ(a.level, b.level) << i;
+    if (a.level == SharedInstance::kOwn) continue;
+    ASSERT_EQ(std::memcmp(&a.cosine_scale, &b.cosine_scale, 8), 0) << i;
+    const std::uint32_t count = cpu.instances[i].vertex_count;
+    for (std::uint32_t column = 0; column < 4; ++column) {
+      ASSERT_EQ(std::memcmp(cpu.posed + a.posed + kPosedHeader + column * a.stride,
+                            cuda.posed + b.posed + kPosedHeader + column * b.stride,
+                            sizeof(float) * count),
+                0)
+          << "column " << column << " of instance " << i;
+    }
+  }
+}
+
 class CudaFrameTest : public testing::TestWithParam<Scene> {
  protected:
   void SetUp() override {
@@ -175,10 +199,11 @@ TEST_P(CudaFrameTest, IsTheProcessorsPicture) {
   ASSERT_TRUE(status.ok()) << status;
   expect_same_picture(expected, actual);
   EXPECT_EQ(cpu.backend->counters(*cpu.view).visible > 0, scene.agents > 0);
-  // the processor's geometry drawn by CUDA
-  status = draw(cuda, geometry, scene, through_host);
-  ASSERT_TRUE(status.ok()) << status;
-  expect_same_picture(expected, through_host);
+  if (scene.geometry == GeometryKind::kBatched) {  // the processor's geometry drawn by CUDA
+    status = draw(cuda, geometry, scene, through_host);
+    ASSERT_TRUE(status.ok()) << status;
+    expect_same_picture(expected, through_host);
+  }
   // and what CUDA decided, read back
   cuda.on_device = false;
   status = generate(cuda, scene, *crowd, surroundings);
@@ -189,6 +214,14 @@ TEST_P(CudaFrameTest, IsTheProcessorsPicture) {
   expect_same_bytes(geometry.triangle_offset, read.triangle_offset, "triangle offsets");
   expect_same_bytes(geometry.vertices, read.vertices, "vertices");
   expect_same_bytes(geometry.indices, read.indices, "indices");
+  expect_same_posed(geometry, read);
+  EXPECT_EQ(cpu.backend->counters(*cpu.view).shared_poses,
+            cuda.backend->counters(*cuda.view).shared_poses);
+  if (read.shared.empty()) return;
+  // and drawn by the processor
+  status = draw(cpu, read, scene, through_host);
+  ASSERT_TRUE(status.ok()) << status;
+  EXPECT_EQ(through_host.rgbx, expected.rgbx);
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -218,6 +251,71 @@ INSTANTIATE_TEST_SUITE_P(
                           .colors = true,
                           .time_us = 100'000}),
     name_of);
+
+constexpr PoseMode kShared = PoseMode::kShared;
+constexpr GeometryKind kFused = GeometryKind::kFused;
+INSTANTIATE_TEST_SUITE_P(
+    SharedPoses, CudaFrameTest,
+    testing::Values(Scene{.name = "SharedNobody", .pose_mode = kShared, .geometry = kFused},
+                    Scene{.name = "SharedBatched", .agents = 60, .pose_mode = kShared},
+                    Scene{.name = "ExactFused", .agents = 40, .geometry = kFused},
+                    Scene{.name = "SharedClose",
+                          .agents = 60,
+                          .side_m = 8,
+                          .camera = {.eye_world = {0, 0, 1.6}, .target_world = {3, 1, 1}},
+                          .pose_mode = kShared,
+                          .geometry = kFused},
+                    Scene{.name = "SharedFar",
+                          .agents = 250,
+                          .side_m = 60,
+                          .camera = {.eye_world = {0, -90, 30}, .target_world = {0, 0, 0}},
+                          .vertex_budget = 10'000,
+                          .pose_mode = kShared,
+                          .geometry = kFused},
+                    Scene{.name = "SharedOrthographic",
+                          .agents = 60,
+                          .camera = {.eye_world = {5, -20, 25},
+                                     .target_world = {0, 0, 0},
+                                     .ortho_height_m = 18},
+                          .colors = true,
+                          .pose_mode = kShared,
+                          .geometry = kFused},
+                    Scene{.name = "SharedWalls",
+                          .agents = 60,
+                          .side_m = 14,
+                          .walls = true,
+                          .pose_mode = kShared,
+                          .geometry = kFused}),
+    name_of);
+
+TEST_F(CudaFrameTest, KeepsPosedMeshesFromFrameToFrame) {
+  Scene scene{.agents = 80, .pose_mode = kShared, .geometry = kFused};
+  Surroundings none;
+  const auto cast = cast_of(scene, none);
+  const auto crowd = crowd_of(scene, cast);
+  Renderer cpu = Renderer::on_processor(), cuda = Renderer::on_cuda();
+  ASSERT_TRUE(cpu.upload(cast).ok());
+  ASSERT_TRUE(cuda.upload(cast).ok());
+  // forth and back: nothing new the second time; finer levels replace coarser ones
+  std::uint32_t made[4];
+  int frame = 0;
+  for (const std::uint64_t budget : {1'500, 1'500, 6'000, 1'500}) {
+    scene.vertex_budget = budget;
+    for (Renderer* renderer : {&cpu, &cuda}) {
+      const absl::Status status = generate(*renderer, scene, *crowd, none);
+      ASSERT_TRUE(status.ok()) << status;
+    }
+    made[frame++] = cuda.backend->counters(*cuda.view).posed_meshes;
+    Picture expected, actual;
+    ASSERT_TRUE(draw(cpu, cpu.backend->geometry(*cpu.view), scene, expected).ok());
+    ASSERT_TRUE(draw(cuda, cuda.backend->geometry(*cuda.view), scene, actual).ok());
+    expect_same_picture(expected, actual);
+  }
+  EXPECT_GT(made[0], 0U);
+  EXPECT_EQ(made[1], 0U);
+  EXPECT_GT(made[2], 0U);
+  EXPECT_EQ(made[3], 0U);
+}
 
 TEST_F(CudaFrameTest, RefusesWhatItCanNotDraw) {
   const Scene scene{.agents = 5};

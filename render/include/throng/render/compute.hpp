@@ -25,12 +25,11 @@ enum class LodRule { kBudget, kDong2019 };
 /// kExact: every agent has its own pose and the vertex count that LOD selection gave it, collapse
 /// by collapse; what the other one is compared with. kShared: agents whose pose would be off by
 /// less than a quarter of a pixel take the nearest of a cast's fixed poses and the next coarser of
-/// its levels of detail; near ones are as in kExact. The cuda backend takes it for kExact so far.
+/// its levels of detail; near ones are as in kExact.
 enum class PoseMode { kShared, kExact };
 
 /// kBatched: all vertices in one array and all indices in another (the published method). kFused:
-/// agents that share a pose are only listed, and the rasterizer makes their vertices in cache. The
-/// cuda backend makes kBatched of it so far.
+/// agents that share a pose are only listed, and the rasterizer makes their vertices in cache.
 enum class GeometryKind { kBatched, kFused };
 
 /// What stands around the crowd: members of the cast that are drawn once each, at the crowd's
@@ -85,24 +84,13 @@ struct Selection {
   // diameter of the points of who is drawn so; as many points as need not be larger
   float point_size_px = 1.25F;
   MotionUpdate motion = {};  // of agents with vertices of their own
-  bool on_device = false;    // leave batched geometry where it was made; of cuda only
+  bool on_device = false;    // leave geometry where it was made; of cuda only
 };
 
 /// Geometry in the memory of a device; each backend derives its own.
 struct DeviceGeometry {
   virtual ~DeviceGeometry() = default;
 };
-
-/// A visible instance of fused geometry. 24 bytes.
-struct SharedInstance {
-  static constexpr std::uint32_t kOwn = 0xffffffffU;
-  std::uint32_t level;   // number within the cast (render/compute/cpu/levels.hpp), or kOwn
-  std::uint32_t posed;   // first value in FrameGeometry::posed
-  std::uint32_t stride;  // vertices from one column to the next
-  float cosine_scale, sine_scale;
-  std::uint32_t reserved;
-};
-static_assert(sizeof(SharedInstance) == 24);
 
 /// What a rasterizer draws: the visible instances [V] and, in batched form, one vertex and one
 /// index array for all of them (the single batched buffer). Offsets are exclusive prefix sums in
@@ -131,7 +119,6 @@ struct FrameGeometry {
   std::span<const Splat> splats = {};  // points, of agents and of crowds too far to be listed
   const DeviceGeometry* on_device = nullptr;  // else the spans are empty
 };
-inline constexpr std::uint32_t kPosedHeader = 16;  // values before a posed mesh's columns
 
 /// Counters of the last frame of a view.
 struct ComputeCounters {

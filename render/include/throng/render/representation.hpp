@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+// Plain data: .cu files include it.
 namespace throng::render {
 
 /// What a visible agent is drawn as in one frame.
@@ -27,6 +28,19 @@ struct MixedForms {
   // what rigid boxes are off by, as a share of the figure's height (root mean square)
   float impostor_error = 0.012F;
 };
+
+/// A visible instance of fused geometry. 24 bytes.
+struct SharedInstance {
+  static constexpr std::uint32_t kOwn = 0xffffffffU;
+  std::uint32_t level;   // number within the cast (render/compute/cpu/levels.hpp), or kOwn
+  std::uint32_t posed;   // first value in FrameGeometry::posed
+  std::uint32_t stride;  // vertices from one column to the next
+  float cosine_scale, sine_scale;
+  std::uint32_t reserved;
+};
+static_assert(sizeof(SharedInstance) == 24);
+
+inline constexpr std::uint32_t kPosedHeader = 16;  // values before a posed mesh's columns
 
 /// An agent that is drawn from its joints, as an impostor or as points. 16 bytes.
 struct JointedInstance {

@@ -12,6 +12,7 @@
 #include "render/compute/cpu/levels.hpp"
 #include "render/raster/scene.hpp"
 #include "render/raster/visibility/cpu/tile.hpp"
+#include "render/raster/visibility/element/flat.hpp"
 #include "render/raster/visibility/element/shade.hpp"
 #include "throng/render/compute.hpp"
 
@@ -53,11 +54,7 @@ struct SharedShade {
 };
 static_assert(sizeof(SharedShade) == 32);
 
-/// The mean of the textures over one triangle. 8 bytes.
-struct TriangleTone {
-  std::uint32_t base;     // element::pack_color
-  std::uint32_t regions;  // tint mask, 8 bits each
-};
+using element::TriangleTone;
 
 /// Of every triangle of every level.
 std::vector<TriangleTone> make_tones(const Cast& cast, const LevelTable& levels,

@@ -64,6 +64,7 @@ class CudaRasterizer final : public Rasterizer {
             absl::StrCat("CUDA visibility rasterizer, ", device_name_, ", 4 samples a pixel")};
   }
   bool takes_device() const override { return true; }
+  bool takes_fused() const override { return true; }
   RasterCounters counters() const override { return counters_; }
 
   absl::Status upload(std::shared_ptr<const Cast> cast) override;
@@ -79,6 +80,8 @@ class CudaRasterizer final : public Rasterizer {
           level(s),
           level_corners(s),
           level_at(s),
+          uv(s),
+          tones(s),
           instance(s),
           vertex_offset(s),
           triangle_offset(s),
@@ -88,6 +91,9 @@ class CudaRasterizer final : public Rasterizer {
           block_count(s),
           first_block(s),
           block_instance(s),
+          own_blocks(s),
+          small_units(s),
+          large_units(s),
           projected(s),
           special(s),
           large(s),
@@ -107,7 +113,8 @@ class CudaRasterizer final : public Rasterizer {
     DeviceBuffer<std::uint32_t> texels;
     DeviceBuffer<std::uint8_t> flags;
     DeviceBuffer<RasterLevel> level;
-    DeviceBuffer<std::uint32_t> level_corners, level_at;
+    DeviceBuffer<std::uint32_t> level_corners, level_at, uv;
+    DeviceBuffer<TriangleTone> tones;
     // geometry that came from the host
     DeviceBuffer<VisibleInstance> instance;
     DeviceBuffer<std::uint32_t> vertex_offset, triangle_offset;
@@ -116,6 +123,7 @@ class CudaRasterizer final : public Rasterizer {
     // the frame's
     DeviceBuffer<InstanceShade> shade;
     DeviceBuffer<std::uint32_t> block_count, first_block, block_instance;
+    DeviceBuffer<std::uint32_t> own_blocks, small_units, large_units;
     DeviceBuffer<element::SnappedVertex> projected;
     DeviceBuffer<std::uint32_t> special;
     DeviceBuffer<LargeTriangle> large;
@@ -132,10 +140,11 @@ class CudaRasterizer final : public Rasterizer {
 
     std::uint64_t size_bytes() const {
       const auto sum = [](const auto&... buffer) { return (buffer.size_bytes() + ...); };
-      return sum(character, texels, flags, level, level_corners, level_at, instance, vertex_offset,
-                 triangle_offset, vertices, indices, shade, block_count, first_block,
-                 block_instance, projected, special, large, tiles, candidates, casters, blobs,
-                 blob_tiles, counts, words, shadow, blob_shadow, pixels, scratch);
+      return sum(character, texels, flags, level, level_corners, level_at, uv, tones, own_blocks,
+                 small_units, large_units, instance, vertex_offset, triangle_offset, vertices,
+                 indices, shade, block_count, first_block, block_instance, projected, special,
+                 large, tiles, candidates, casters, blobs, blob_tiles, counts, words, shadow,
+                 blob_shadow, pixels, scratch);
     }
   };
 
@@ -179,12 +188,17 @@ absl::Status CudaRasterizer::upload(std::shared_ptr<const Cast> cast) {
   device.first_surrounding = static_cast<std::uint32_t>(cast->members.size());
   std::vector<RasterCharacter> characters;
   std::vector<std::uint8_t> flags;
-  std::vector<std::uint32_t> level_at;
+  std::vector<std::uint32_t> level_at, uv;
+  const std::vector<TriangleTone> tones = make_tones(*cast, levels, *textures);
   for (std::size_t m = 0; m < cast->members.size(); ++m) {
     const CastMember& member = cast->members[m];
     RasterCharacter& character = characters.emplace_back();
     character.texture = textures->infos[m];
     character.height_m = member.character.height_m;
+    character.first_uv = static_cast<std::uint32_t>(uv.size());
+    for (const glm::u16vec2& one : member.character.uv) {
+      uv.push_back(std::uint32_t{one.x} | std::uint32_t{one.y} << 16);
+    }
     character.first_flag = static_cast<std::uint32_t>(flags.size());
     for (const std::uint8_t flag : member.character.triangle_flags) {
       if ((flag & kTriangleDoubleSided) != 0) character.flags |= RasterCharacter::kDoubleSided;
@@ -212,6 +226,8 @@ absl::Status CudaRasterizer::upload(std::shared_ptr<const Cast> cast) {
   THRONG_CUDA_TRY(copy(device_levels.data(), device_levels.size(), b.level), kUpload);
   THRONG_CUDA_TRY(copy(levels.corners.data(), levels.corners.size(), b.level_corners), kUpload);
   THRONG_CUDA_TRY(copy(level_at.data(), level_at.size(), b.level_at), kUpload);
+  THRONG_CUDA_TRY(copy(uv.data(), uv.size(), b.uv), kUpload);
+  THRONG_CUDA_TRY(copy(tones.data(), tones.size(), b.tones), kUpload);
   THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), kUpload);  // the vectors end here
   device.character = b.character.data();
   device.texels = b.texels.data();
@@ -219,6 +235,8 @@ absl::Status CudaRasterizer::upload(std::shared_ptr<const Cast> cast) {
   device.level = b.level.data();
   device.level_corners = b.level_corners.data();
   device.level_at = b.level_at.data();
+  device.uv = b.uv.data();
+  device.tones = b.tones.data();
   device_cast_ = device;
   cast_ = std::move(cast);
   return absl::OkStatus();
@@ -268,6 +286,9 @@ absl::Status CudaRasterizer::take_geometry(const FrameGeometry& geometry, Raster
     job.count = frame->instance_count;
     job.vertices_total = static_cast<std::uint32_t>(frame->vertex_count);
     job.triangles_total = static_cast<std::uint32_t>(frame->triangle_count);
+    job.triangles_drawn = frame->triangles_drawn;
+    job.shared = frame->shared;
+    job.posed = frame->posed;
     job.instance = frame->instances;
     job.vertex_offset = frame->vertex_offset;
     job.triangle_offset = frame->triangle_offset;
@@ -286,6 +307,9 @@ absl::Status CudaRasterizer::take_geometry(const FrameGeometry& geometry, Raster
   job.count = static_cast<std::uint32_t>(count);
   job.vertices_total = static_cast<std::uint32_t>(geometry.vertices.size());
   job.triangles_total = geometry.triangle_offset.back();
+  for (const VisibleInstance& instance : geometry.instances) {
+    job.triangles_drawn += instance.triangle_count;
+  }
   job.instance = b.instance.data();
   job.vertex_offset = b.vertex_offset.data();
   job.triangle_offset = b.triangle_offset.data();
@@ -311,6 +335,14 @@ absl::Status CudaRasterizer::make_room(RasterJob& job, std::uint32_t most_blocks
   THRONG_CUDA_TRY(b.block_count.resize(job.count + 1), kDraw);
   THRONG_CUDA_TRY(b.first_block.resize(job.count + 1), kDraw);
   THRONG_CUDA_TRY(b.block_instance.resize(most_blocks), kDraw);
+  if (job.shared != nullptr) {
+    THRONG_CUDA_TRY(b.own_blocks.resize(most_blocks), kDraw);
+    THRONG_CUDA_TRY(b.small_units.resize(job.count), kDraw);
+    THRONG_CUDA_TRY(b.large_units.resize(job.count), kDraw);
+    job.own_blocks = b.own_blocks.data();
+    job.small_units = b.small_units.data();
+    job.large_units = b.large_units.data();
+  }
   THRONG_CUDA_TRY(b.projected.resize(job.vertices_total), kDraw);
   THRONG_CUDA_TRY(b.special.resize(job.triangles_total), kDraw);
   THRONG_CUDA_TRY(b.large.resize(kLargeRoom), kDraw);
@@ -356,6 +388,7 @@ absl::Status CudaRasterizer::run(const RasterJob& job, std::uint32_t most_blocks
                     kDraw);
     THRONG_CUDA_TRY(launch_shadows(job, stream_), kDraw);
     THRONG_CUDA_TRY(launch_raster(job, most_blocks, stream_), kDraw);
+    THRONG_CUDA_TRY(launch_shared(job, stream_), kDraw);
     THRONG_CUDA_TRY(launch_large(job, stream_), kDraw);
   }
   THRONG_CUDA_TRY(launch_resolve(job, stream_), kDraw);
@@ -378,14 +411,18 @@ absl::Status CudaRasterizer::draw(const FrameGeometry& geometry, const Camera& c
               static_cast<std::int32_t>(2 * viewport.height_px)};
   job.word_blocks_x = (2 * viewport.width_px + 3) / 4;
   if (absl::Status status = take_geometry(geometry, job); !status.ok()) return status;
-  const std::uint32_t most_blocks = job.triangles_total / element::kBlockTriangles + job.count;
+  // of batched geometry made by hand, instances may not say what is theirs
+  const std::uint64_t triangles = std::max<std::uint64_t>(job.triangles_drawn, job.triangles_total);
+  const std::uint64_t most_blocks = triangles / element::kBlockTriangles + job.count;
   if (most_blocks > element::kMaxBlocks) {
     return absl::ResourceExhaustedError(absl::StrCat(
         kDraw, ": up to ", most_blocks, " triangle blocks, at most ", element::kMaxBlocks));
   }
   THRONG_CUDA_TRY(cudaEventRecord(began_, stream_), kDraw);
-  if (absl::Status status = make_room(job, most_blocks); !status.ok()) return status;
-  if (absl::Status status = run(job, most_blocks); !status.ok()) return status;
+  if (absl::Status status = make_room(job, static_cast<std::uint32_t>(most_blocks)); !status.ok())
+    return status;
+  if (absl::Status status = run(job, static_cast<std::uint32_t>(most_blocks)); !status.ok())
+    return status;
 
   THRONG_CUDA_TRY(cudaEventRecord(ended_, stream_), kDraw);
 
@@ -413,7 +450,7 @@ absl::Status CudaRasterizer::draw(const FrameGeometry& geometry, const Camera& c
   THRONG_CUDA_TRY(cudaEventElapsedTime(&device_ms, began_, ended_), kDraw);
   counters_.device_ms = static_cast<double>(device_ms);
   counters_.drawn = job.count;
-  counters_.triangles = job.triangles_total;
+  counters_.triangles = job.triangles_drawn;
   counters_.surviving = counts.surviving;
   counters_.size_bytes = b.size_bytes();
   return absl::OkStatus();

@@ -16,6 +16,9 @@ cudaError_t launch_shadows(const RasterJob& job, cudaStream_t stream);
 /// All triangles into `words`. `first_block` is known.
 cudaError_t launch_raster(const RasterJob& job, std::uint32_t most_blocks, cudaStream_t stream);
 
+/// Figures that share a pose into `words`, after launch_raster.
+cudaError_t launch_shared(const RasterJob& job, cudaStream_t stream);
+
 /// Triangles that raster and shadows left to whole tiles.
 cudaError_t launch_large(const RasterJob& job, cudaStream_t stream);
 

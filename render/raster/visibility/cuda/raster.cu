@@ -6,16 +6,18 @@ namespace throng::render::visibility::cuda {
 namespace {
 
 constexpr std::uint32_t kThreads = element::kBlockTriangles;  // a triangle block is one of threads
-[[maybe_unused]] constexpr std::uint32_t kPersistentBlocks = 2048;
+constexpr std::uint32_t kPersistentBlocks = 2048;
 constexpr std::uint8_t kAlphaCutout = 2;  // kTriangleAlphaCutout of asset.hpp
 
 /// Which instance each triangle block is of.
 __global__ void number_kernel(RasterJob job) {
   const std::uint32_t i = blockIdx.x * blockDim.x + threadIdx.x;
   if (i >= job.count) return;
-  for (std::uint32_t b = job.first_block[i]; b < job.first_block[i + 1]; ++b) {
-    job.block_instance[b] = i;
-  }
+  const std::uint32_t first = job.first_block[i], end = job.first_block[i + 1];
+  for (std::uint32_t b = first; b < end; ++b) job.block_instance[b] = i;
+  if (job.shared == nullptr || is_shared(job, i)) return;
+  std::uint32_t at = atomicAdd(&job.counts->own_blocks, end - first);
+  for (std::uint32_t b = first; b < end; ++b) job.own_blocks[at++] = b;
 }
 
 __global__ void project_kernel(RasterJob job) {
@@ -55,10 +57,12 @@ __device__ Fetched fetch(const RasterJob& job, std::uint32_t id) {
 
 /// A triangle block by a block of threads: small triangles alone, larger ones warp by warp.
 __global__ void __launch_bounds__(kThreads) raster_kernel(RasterJob job) {
-  const std::uint32_t blocks = job.first_block[job.count];
+  const std::uint32_t blocks =
+      job.shared == nullptr ? job.first_block[job.count] : job.counts->own_blocks;
   const Target target = target_of(job, false);
   std::uint32_t surviving = 0;
-  for (std::uint32_t block = blockIdx.x; block < blocks; block += gridDim.x) {
+  for (std::uint32_t n = blockIdx.x; n < blocks; n += gridDim.x) {
+    const std::uint32_t block = job.shared == nullptr ? n : job.own_blocks[n];
     const std::uint32_t i = job.block_instance[block];
     const std::uint32_t t = (block - job.first_block[i]) * element::kBlockTriangles + threadIdx.x;
     bool has = t < job.triangle_offset[i + 1] - job.triangle_offset[i];
@@ -144,7 +148,9 @@ cudaError_t launch_raster(const RasterJob& job, std::uint32_t most_blocks, cudaS
     THRONG_LAUNCH_APART(project_kernel, blocks_for(job.vertices_total, kFlat), kFlat, stream, job);
   }
   if (most_blocks > 0) {
-    THRONG_LAUNCH(raster_kernel, most_blocks, kThreads, 0, stream, job);
+    [[maybe_unused]] const std::uint32_t few =
+        job.shared != nullptr && most_blocks > kPersistentBlocks ? kPersistentBlocks : most_blocks;
+    THRONG_LAUNCH(raster_kernel, THRONG_PERSISTENT(few), kThreads, 0, stream, job);
     THRONG_LAUNCH_APART(special_kernel, THRONG_PERSISTENT(256), 64, stream, job);
   }
   return cudaGetLastError();

@@ -6,8 +6,10 @@
 #include "render/raster/element/instance_shade.hpp"
 #include "render/raster/visibility/element/clip.hpp"
 #include "render/raster/visibility/element/cutout.hpp"
+#include "render/raster/visibility/element/flat.hpp"
 #include "render/raster/visibility/element/shade.hpp"
 #include "render/raster/visibility/element/shadow.hpp"
+#include "throng/render/representation.hpp"
 #include "throng/render/vertex.hpp"
 
 // What lies in device memory and what the kernels are given. GLM and elements only.
@@ -21,10 +23,11 @@ struct RasterCharacter {
   float height_m = 0.0F;
   std::uint32_t flags = 0;
   std::uint32_t first_flag = 0;  // of triangle_flags
+  std::uint32_t first_uv = 0;    // of uv
   static constexpr std::uint32_t kDoubleSided = 1, kHoles = 2, kSurrounding = 4;
 };
 
-/// A level of detail that shadows are drawn with.
+/// A level of detail that shadows and shared figures are drawn with.
 struct RasterLevel {
   std::uint32_t vertex_count = 0, triangle_count = 0, first_triangle = 0;
 };
@@ -37,6 +40,8 @@ struct RasterCast {
   const std::uint8_t* triangle_flags = nullptr;
   const RasterLevel* level = nullptr;
   const std::uint32_t* level_corners = nullptr;  // three vertices in bits 0, 10 and 20
+  const element::TriangleTone* tones = nullptr;  // by triangle of the levels
+  const std::uint32_t* uv = nullptr;             // unorm16 pairs of all characters' vertices
   const std::uint32_t* level_at = nullptr;       // [members][kMostLevelVertices + 1], or kNoLevel
   std::uint32_t first_surrounding = 0;
 };
@@ -58,6 +63,7 @@ struct RasterCounts {
   std::uint32_t large = 0;    // may exceed the room: what has none is drawn at once
   std::uint32_t tiles = 0;    // likewise
   std::uint32_t blob_tiles = 0;
+  std::uint32_t own_blocks = 0, small_units = 0, large_units = 0;
   std::uint32_t candidates = 0, casters = 0;
   unsigned long long caster_key = 0;  // candidates above it cast a shadow
   unsigned long long surviving = 0;   // triangles that face the eye and may cover a sample
@@ -73,6 +79,9 @@ struct BlobRecord {
   element::Blob blob;
   element::SampleBox box;
 };
+
+/// Of a shared figure that one warp draws; larger ones take a block of threads.
+inline constexpr std::uint32_t kWarpVertices = 128;
 
 inline constexpr std::uint32_t kTileSide = 64;      // samples
 inline constexpr std::uint32_t kBlobTileSide = 64;  // pixels
@@ -92,31 +101,44 @@ struct RasterJob {
   std::uint32_t count = 0;  // V
   std::uint32_t vertices_total = 0;
   std::uint32_t triangles_total = 0;
+  std::uint64_t triangles_drawn = 0;               // those of posed meshes too
   const VisibleInstance* instance = nullptr;       // [V]
   const std::uint32_t* vertex_offset = nullptr;    // [V+1]
   const std::uint32_t* triangle_offset = nullptr;  // [V+1]
   const BatchVertex* vertices = nullptr;
   const std::uint32_t* indices = nullptr;
+  // fused geometry: who shares a pose has nothing in the arrays above
+  const SharedInstance* shared = nullptr;  // [V]; null: batched
+  const float* posed = nullptr;
 
   // of the frame
-  InstanceShade* shade = nullptr;               // [V]
-  std::uint32_t* block_count = nullptr;         // [V+1]
-  std::uint32_t* first_block = nullptr;         // [V+1] exclusive prefix sum
-  std::uint32_t* block_instance = nullptr;      // [B]
-  element::SnappedVertex* projected = nullptr;  // [vertices_total]
-  std::uint32_t* special = nullptr;             // [triangles_total] ids
-  LargeTriangle* large = nullptr;               // [kLargeRoom]
-  glm::uvec2* tiles = nullptr;                  // [kTileRoom] large triangle; x | y << 16
-  Candidate* candidates = nullptr;              // [V]
-  std::uint32_t* casters = nullptr;             // [V]
-  BlobRecord* blobs = nullptr;                  // [V]
-  glm::uvec2* blob_tiles = nullptr;             // [kTileRoom] instance; x | y << 16
-  RasterCounts* counts = nullptr;               // [1]
-  Word* words = nullptr;                        // samples, see word_index
-  std::uint32_t* shadow = nullptr;              // [words] bits of the light that is missing
-  std::uint32_t* blob_shadow = nullptr;         // [pixels]
-  std::uint32_t* pixels = nullptr;              // [height][width] r g b 255
+  InstanceShade* shade = nullptr;           // [V]
+  std::uint32_t* block_count = nullptr;     // [V+1]
+  std::uint32_t* first_block = nullptr;     // [V+1] exclusive prefix sum
+  std::uint32_t* block_instance = nullptr;  // [B]
+  // of fused geometry, in any order: blocks of instances with vertices of their own, and instances
+  // that share theirs by their size
+  std::uint32_t* own_blocks = nullptr;                           // [B]
+  std::uint32_t *small_units = nullptr, *large_units = nullptr;  // [V]
+  element::SnappedVertex* projected = nullptr;                   // [vertices_total]
+  std::uint32_t* special = nullptr;                              // [triangles_total] ids
+  LargeTriangle* large = nullptr;                                // [kLargeRoom]
+  glm::uvec2* tiles = nullptr;           // [kTileRoom] large triangle; x | y << 16
+  Candidate* candidates = nullptr;       // [V]
+  std::uint32_t* casters = nullptr;      // [V]
+  BlobRecord* blobs = nullptr;           // [V]
+  glm::uvec2* blob_tiles = nullptr;      // [kTileRoom] instance; x | y << 16
+  RasterCounts* counts = nullptr;        // [1]
+  Word* words = nullptr;                 // samples, see word_index
+  std::uint32_t* shadow = nullptr;       // [words] bits of the light that is missing
+  std::uint32_t* blob_shadow = nullptr;  // [pixels]
+  std::uint32_t* pixels = nullptr;       // [height][width] r g b 255
 };
+
+/// Whether an instance's vertices are those of a shared pose.
+THRONG_HOST_DEVICE inline bool is_shared(const RasterJob& job, std::uint32_t instance) {
+  return job.shared != nullptr && job.shared[instance].level != SharedInstance::kOwn;
+}
 
 /// Place of a sample: blocks of 4x4 samples row by row, a cache line each; in them the four samples
 /// of a pixel side by side (bit 0 right, bit 1 below).

@@ -7,11 +7,31 @@ namespace {
 
 constexpr std::uint32_t kTileX = 16, kTileY = 8;  // pixels of a block of threads
 
+__device__ element::ShadeCorners shared_corners(const RasterJob& job, std::uint32_t i,
+                                                std::uint32_t t) {
+  const SharedInstance shared = job.shared[i];
+  const VisibleInstance& instance = job.instance[i];
+  const std::uint32_t word =
+      job.cast.level_corners[job.cast.level[shared.level].first_triangle + t];
+  const float* column = job.posed + shared.posed + kPosedHeader;
+  const std::uint32_t* uv = job.cast.uv + job.cast.character[instance.character].first_uv;
+  element::ShadeCorners corners;
+  for (int k = 0; k < 3; ++k) {
+    const std::uint32_t v = (word >> (10 * k)) & 1023U;
+    corners.p[k] = element::place_posed(
+        instance.position_relative, shared.cosine_scale, shared.sine_scale, instance.scale,
+        glm::vec3(column[v], column[shared.stride + v], column[2 * shared.stride + v]));
+    corners.n[k] = element::turn_posed(
+        shared.cosine_scale, shared.sine_scale, instance.scale,
+        element::rough_octahedral(element::float_bits(column[3 * shared.stride + v])));
+    corners.uv[k] = uv[v];
+  }
+  return corners;
+}
+
 __device__ element::ShadeCorners corners_of(const RasterJob& job, std::uint32_t instance,
-                                            std::uint32_t id) {
-  const std::uint32_t t =
-      (element::block_of(id) - job.first_block[instance]) * element::kBlockTriangles +
-      element::triangle_of(id);
+                                            std::uint32_t t) {
+  if (is_shared(job, instance)) return shared_corners(job, instance, t);
   const std::uint32_t* index = job.indices + 3 * (job.triangle_offset[instance] + t);
   element::ShadeCorners corners;
   for (int k = 0; k < 3; ++k) {
@@ -24,6 +44,29 @@ __device__ element::ShadeCorners corners_of(const RasterJob& job, std::uint32_t 
         static_cast<std::uint32_t>(vertex.uv.x) | static_cast<std::uint32_t>(vertex.uv.y) << 16;
   }
   return corners;
+}
+
+/// What an instance shows at pixel coordinates (x, y): tone-mapped, linear.
+__device__ glm::vec3 shade_figure(const RasterJob& job, std::uint32_t i, std::uint32_t id, float x,
+                                  float y) {
+  const InstanceShade& shade = job.shade[i];
+  const std::uint32_t t = (element::block_of(id) - job.first_block[i]) * element::kBlockTriangles +
+                          element::triangle_of(id);
+  if (is_shared(job, i)) {
+    const SharedInstance& shared = job.shared[i];
+    const VisibleInstance& instance = job.instance[i];
+    const RasterLevel& level = job.cast.level[shared.level];
+    if (element::is_flat(shade.size_px, level.triangle_count, instance.seed)) {
+      const std::uint32_t triangle = level.first_triangle + t;
+      return element::shade_flat(
+          job.scene, shade, job.cast.tones[triangle], shared, instance.scale,
+          (job.cast.character[instance.character].flags & RasterCharacter::kDoubleSided) != 0,
+          job.posed + shared.posed + kPosedHeader + 2 * shared.stride,
+          job.cast.level_corners[triangle]);
+    }
+  }
+  return element::shade_triangle(job.scene, shade, job.cast.character[shade.character].texture,
+                                 job.cast.texels, corners_of(job, i, t), x, y);
 }
 
 /// One pixel: each instance seen in its four samples is shaded once, where its samples are on the
@@ -62,11 +105,9 @@ __global__ void __launch_bounds__(kTileX* kTileY) resolve_kernel(RasterJob job) 
         sum_y += (k & 2U) != 0 ? 0.75F : 0.25F;
       }
       rest &= ~same;
-      const InstanceShade& shade = job.shade[instance[first]];
-      const glm::vec3 one = element::shade_triangle(
-          job.scene, shade, job.cast.character[shade.character].texture, job.cast.texels,
-          corners_of(job, instance[first], id[first]), static_cast<float>(x) + sum_x / samples,
-          static_cast<float>(y) + sum_y / samples);
+      const glm::vec3 one =
+          shade_figure(job, instance[first], id[first], static_cast<float>(x) + sum_x / samples,
+                       static_cast<float>(y) + sum_y / samples);
       color = color + one * (0.25F * samples);
     }
   }

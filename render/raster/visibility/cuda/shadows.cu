@@ -22,12 +22,22 @@ __global__ void prepare_kernel(RasterJob job) {
   const InstanceShade shade = element::instance_shade(instance, character.height_m, job.scene,
                                                       job.channel, job.cast.first_surrounding);
   job.shade[i] = shade;
-  const std::uint32_t triangles = job.triangle_offset[i + 1] - job.triangle_offset[i];
+  std::uint32_t triangles = job.triangle_offset[i + 1] - job.triangle_offset[i];
+  const bool shares = is_shared(job, i);
+  if (shares) {
+    const RasterLevel& level = job.cast.level[job.shared[i].level];
+    triangles = level.triangle_count;
+    if (level.vertex_count <= kWarpVertices) {
+      job.small_units[atomicAdd(&job.counts->small_units, 1U)] = i;
+    } else {
+      job.large_units[atomicAdd(&job.counts->large_units, 1U)] = i;
+    }
+  }
   job.block_count[i] = (triangles + element::kBlockTriangles - 1) / element::kBlockTriangles;
   if (!job.scene.shadows) return;
   if ((character.flags & RasterCharacter::kSurrounding) != 0) {
     job.casters[atomicAdd(&job.counts->casters, 1U)] = i;
-  } else if (shade.size_px > element::kCastShadowFromPx) {
+  } else if (!shares && triangles > 0 && shade.size_px > element::kCastShadowFromPx) {
     const unsigned long long key =
         static_cast<unsigned long long>(element::float_bits(shade.size_px)) << 32 | ~i;
     job.candidates[atomicAdd(&job.counts->candidates, 1U)] = {
@@ -41,7 +51,7 @@ __global__ void __launch_bounds__(kChooseThreads) choose_kernel(RasterJob job) {
   __shared__ unsigned long long sums[256];
   __shared__ unsigned long long prefix, used;
   __shared__ bool all_fit;
-  const unsigned long long room = element::shadow_room(job.triangles_total);
+  const unsigned long long room = element::shadow_room(job.triangles_drawn);
   const std::uint32_t count = job.counts->candidates;
   if (threadIdx.x == 0) {
     prefix = used = 0;
