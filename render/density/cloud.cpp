@@ -5,72 +5,13 @@
 #include <cmath>
 #include <limits>
 
+#include "render/density/samples.hpp"
 #include "render/raster/element/color.hpp"
 #include "render/raster/element/tint.hpp"
 #include "throng/render/density.hpp"
 
 namespace throng::render {
 namespace {
-
-/// A surface point of some member, brought to a figure a metre high.
-struct Sample {
-  glm::vec3 position, normal, color;
-  glm::vec4 regions;
-  float weight;
-};
-
-glm::vec3 unpacked(std::uint32_t base) {
-  glm::vec3 color;
-  for (int k = 0; k < 3; ++k) {
-    const float root = static_cast<float>(base >> (10 * k) & 1023U) / 1023.0F;
-    color[k] = root * root;
-  }
-  return color;
-}
-
-/// The first `count` points of a member in the first frame of its idle clip (or the first frame).
-void add_samples(const CastMember& member, std::uint32_t count, std::vector<Sample>& samples) {
-  const Character& character = member.character;
-  const SurfacePoints& points = character.points;
-  const std::size_t joints = character.joint_count();
-  std::size_t frame = 0;
-  for (const Clip& clip : character.clips) {
-    if (clip.kind == ClipKind::kIdle) {
-      frame = clip.first_frame;
-      break;
-    }
-  }
-  const Affine* palette = character.palette.data() + frame * joints;
-  std::uint32_t level = points.count(), first = 0;
-  while (level / 2 >= count) {
-    first += level;
-    level /= 2;
-  }
-  const auto used = std::min(count, points.count());
-  const float scale = 1.0F / std::max(character.height_m, 0.05F);
-  for (std::uint32_t i = 0; i < used; ++i) {
-    const SurfacePoint& point = points.point[i];
-    const glm::vec4 p(point.position, 1.0F);
-    const glm::vec4 n(decode_octahedral(point.normal), 0.0F);
-    glm::vec3 position(0.0F), normal(0.0F);
-    for (int k = 0; k < 4; ++k) {
-      const float weight = static_cast<float>(point.joint_weight[k]) / 255.0F;
-      if (weight == 0.0F) continue;
-      const Affine& m = palette[point.joint_index[k]];
-      for (int r = 0; r < 3; ++r) {
-        position[r] += weight * glm::dot(m.row[r], p);
-        normal[r] += weight * glm::dot(m.row[r], n);
-      }
-    }
-    const PointTone& tone = points.tone[first + i];
-    glm::vec4 regions;
-    for (int k = 0; k < 4; ++k) {
-      regions[k] = static_cast<float>(tone.regions >> (8 * k) & 255U) / 255.0F;
-    }
-    samples.push_back(
-        {position * scale, normal, unpacked(tone.base), regions, std::max(member.weight, 0.0F)});
-  }
-}
 
 std::size_t nearest_of(const std::vector<glm::vec3>& centres, const glm::vec3& p) {
   std::size_t best = 0;
@@ -133,9 +74,16 @@ absl::StatusOr<CrowdCloud> make_crowd_cloud(const Cast& cast, std::uint32_t coun
         absl::StrCat("make_crowd_cloud: count is ", count, ", must be 1 to ", kMost));
   }
   std::vector<Sample> samples;
+  float area = 0.0F, weight = 0.0F;
   for (const CastMember& member : cast.members) {
     if (!member.environment && member.character.points.count() > 0) {
-      add_samples(member, count, samples);
+      const auto own = surface_samples(member.character, count, standing_frame(member.character));
+      area += std::max(member.weight, 1e-6F) * seen_area_of(member.character);
+      weight += std::max(member.weight, 1e-6F);
+      for (const Sample& sample : own) {
+        samples.push_back(sample);
+        samples.back().weight = std::max(member.weight, 0.0F);
+      }
     }
   }
   if (samples.empty()) {
@@ -193,20 +141,24 @@ absl::StatusOr<CrowdCloud> make_crowd_cloud(const Cast& cast, std::uint32_t coun
                    wide.end());
   cloud.width = std::clamp(2.4F * wide[wide.size() / 2], 0.05F, 1.0F);
 
-  // covered by a prefix: how far the farthest point is from it
-  cloud.radius.resize(count);
-  std::vector<float> gap(count, std::numeric_limits<float>::max());
-  for (std::uint32_t n = 0; n < count; ++n) {
-    float worst = 0.0F;
-    for (std::uint32_t i = 0; i < count; ++i) {
-      gap[i] = std::min(gap[i], glm::distance(cloud.position[i], cloud.position[n]));
-      worst = std::max(worst, gap[i]);
+  // each prefix is seen as large as the figures are on the average
+  area /= weight;
+  cloud.radius.assign(count, 0.0F);
+  std::vector<Disc> discs;
+  std::uint32_t before = 0;
+  for (const std::uint32_t n : FarFigures::kCounts) {
+    const std::uint32_t own = std::min(n, count);
+    discs.clear();
+    for (std::uint32_t i = 0; i < own; ++i) discs.push_back({cloud.position[i], 1.0F});
+    float radius = fitted_factor(discs, area);
+    if (before > 0) radius = std::min(radius, cloud.radius[before - 1]);
+    for (std::uint32_t i = before; i < own; ++i) {
+      const float t = static_cast<float>(i + 1 - before) / static_cast<float>(own - before);
+      cloud.radius[i] = before > 0 ? std::lerp(cloud.radius[before - 1], radius, t) : radius;
     }
-    cloud.radius[n] = worst;
+    before = own;
   }
-  // and between the points themselves: half the way to a neighbour
-  const float own = cloud.radius[count > 1 ? count - 2 : 0];
-  for (float& radius : cloud.radius) radius += std::max(0.6F * own, 0.02F);
+  for (std::uint32_t i = before; i < count; ++i) cloud.radius[i] = cloud.radius[before - 1];
   return cloud;
 }
 
@@ -215,13 +167,16 @@ FarAgents make_far_agents(const Cast& cast, const CrowdCloud& cloud, const Roste
   const std::size_t count = roster.id.size();
   agents.height_m.resize(count);
   agents.colors.resize(4 * count);
+  agents.tints.resize(4 * count);
+  agents.member = roster.character;
   for (std::size_t i = 0; i < count; ++i) {
     agents.height_m[i] = cast.members[roster.character[i]].character.height_m * roster.scale[i];
     const element::Tints tints = element::tints_of(roster.seed[i]);
     const glm::vec3* tint[4] = {&tints.skin, &tints.hair, &tints.top, &tints.bottom};
     for (int k = 0; k < 4; ++k) {
-      agents.colors[4 * i + static_cast<std::size_t>(k)] =
-          element::pack_color(cloud.base[k] * *tint[k]);
+      const std::size_t at = 4 * i + static_cast<std::size_t>(k);
+      agents.colors[at] = element::pack_color(cloud.base[k] * *tint[k]);
+      agents.tints[at] = element::pack_tint(*tint[k]);
     }
   }
   return agents;

@@ -74,13 +74,13 @@ Triangulation triangulate(std::span<const glm::vec3> position_m,
   std::vector<glm::dvec2> site;
   for (std::size_t begin = 0; begin < points.size();) {
     std::size_t end = begin;
-    glm::dvec2 sum(0.0);
+    glm::dvec3 sum(0.0);
     const auto vertex = static_cast<std::uint32_t>(sites.size());
     for (; end < points.size() && points[end].cell == points[begin].cell; ++end) {
       const std::uint32_t agent = points[end].agent;
       result.agents.push_back(agent);
       result.vertex_of[agent] = vertex;
-      sum += glm::dvec2(position_m[agent].x, position_m[agent].y);
+      sum += glm::dvec3(position_m[agent]);
     }
     const auto x = static_cast<std::int32_t>(points[begin].cell & 0xffffffffU);
     const auto y = static_cast<std::int32_t>(points[begin].cell >> 32);

@@ -49,8 +49,9 @@ void TriangulationWorker::run(const std::stop_token& stop) {
       busy_ = true;
     }
     last = std::chrono::steady_clock::now();
-    auto made = std::make_shared<const Triangulation>(
+    auto made = std::make_shared<Triangulation>(
         triangulate(snapshot->position_m, snapshot->present, options_));
+    made->roster = snapshot->roster;
     {
       const std::lock_guard lock(mutex_);
       newest_ = std::move(made);

@@ -1,32 +1,8 @@
 #include "render/compute/cpu/kernels.hpp"
 #include "render/compute/cpu/stages.hpp"
+#include "render/compute/snapshot_columns.hpp"
 
 namespace throng::render {
-namespace {
-
-element::SnapshotColumns columns_of(const Snapshot& snapshot, int channel) {
-  element::SnapshotColumns columns;
-  columns.slots = static_cast<std::uint32_t>(snapshot.present.size());
-  columns.present = snapshot.present.data();
-  columns.position_m = snapshot.position_m.data();
-  columns.velocity_mps = snapshot.velocity_mps.data();
-  columns.heading_rad = snapshot.heading_rad.data();
-  columns.speed_mps = snapshot.speed_mps.data();
-  columns.walked_cycles = snapshot.walked_cycles.data();
-  if (const std::vector<float>* values = snapshot.channel(channel)) {
-    columns.channel = values->data();
-  }
-  if (snapshot.roster != nullptr) {  // none: nobody ever came
-    columns.id = snapshot.roster->id.data();
-    columns.character = snapshot.roster->character.data();
-    columns.scale = snapshot.roster->scale.data();
-    columns.seed = snapshot.roster->seed.data();
-  }
-  return columns;
-}
-
-}  // namespace
-
 void advance(const Snapshot& older, const Snapshot& newer, std::int64_t scene_time_us,
              const CrowdSettings& settings, int channel, Surroundings surroundings, Machine machine,
              CpuInstances& instances) {

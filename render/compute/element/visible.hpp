@@ -28,6 +28,14 @@ THRONG_HOST_DEVICE inline float distance_of(const glm::vec4& relative_sphere) {
 }
 
 /// What a slot that is seen becomes, before LOD selection.
+/// From the eye to an agent's feet: what decides who is drawn as a part of the far crowd.
+THRONG_HOST_DEVICE inline float feet_distance(const InstanceState& state,
+                                              const glm::dvec3& eye_offset_m) {
+  const glm::vec3& p = state.position_m;
+  const glm::vec3 feet = relative(p.x, p.y, p.z, eye_offset_m);
+  return distance_of(glm::vec4(feet.x, feet.y, feet.z, 0.0F));
+}
+
 THRONG_HOST_DEVICE inline VisibleInstance make_visible(const InstanceState& state, float radius_m,
                                                        std::uint32_t slot,
                                                        const glm::dvec3& eye_offset_m) {

@@ -182,10 +182,41 @@ TEST(CrowdCloudTest, PointsAreOrderedByRemovalOfNearestNeighbours) {
   for (std::uint32_t i = 1; i < 128; ++i) EXPECT_LE(cloud->radius[i], cloud->radius[i - 1]);
 }
 
+TEST(FarFiguresTest, EachHasItsShapeInEveryNumberOfPoints) {
+  const auto cast = cast_with_points();
+  const auto figures = make_far_figures(*cast);
+  ASSERT_TRUE(figures.ok()) << figures.status();
+  EXPECT_EQ(FarFigures::level_of(1), 0U);
+  EXPECT_EQ(FarFigures::level_of(5), 3U);
+  EXPECT_EQ(FarFigures::level_of(511), FarFigures::kLevels - 2);
+  EXPECT_EQ(FarFigures::level_of(1'000'000), FarFigures::kLevels - 1);
+  std::uint32_t all = 0;
+  for (std::uint32_t level = 0; level < FarFigures::kLevels; ++level) {
+    const std::uint32_t count = FarFigures::kCounts[level];
+    all += count;
+    float low = 2.0F, high = -2.0F, largest = 0.0F;
+    for (std::uint32_t i = 0; i < std::min(count, 256U); ++i) {
+      const FarFigures::Point& point = figures->level(1, 0, level)[i];
+      low = std::min(low, point.position.z - point.radius);
+      high = std::max(high, point.position.z + point.radius);
+      largest = std::max(largest, point.radius);
+    }
+    // within the figure but for what rounds it off
+    EXPECT_GT(low, -0.2F) << count;
+    EXPECT_LT(high, 1.2F) << count;
+    EXPECT_LT(largest, 0.51F) << count;
+    if (count > 2) {
+      EXPECT_GT(high - low, 0.7F) << count;
+    }
+  }
+  EXPECT_EQ(all, FarFigures::kPointsOfAll);
+}
+
 TEST(CrowdCloudTest, CastWithoutPointsIsRefused) {
   Cast cast;
   cast.members.push_back({*make_character(test::make_tiny_character()), 1.0F});
   EXPECT_EQ(make_crowd_cloud(cast).status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(make_far_figures(cast).status().code(), absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(make_crowd_cloud(*cast_with_points(), 0).status().code(),
             absl::StatusCode::kInvalidArgument);
 }
@@ -193,30 +224,55 @@ TEST(CrowdCloudTest, CastWithoutPointsIsRefused) {
 struct Far {
   std::shared_ptr<const Cast> cast = cast_with_points();
   CrowdCloud cloud = *make_crowd_cloud(*cast, 128);
-  std::vector<glm::vec3> position;
-  std::vector<float> heading;
+  FarFigures figures = *make_far_figures(*cast);
+  std::shared_ptr<Snapshot> snapshot = std::make_shared<Snapshot>();
+  Bracket bracket{snapshot, snapshot};
   FarAgents agents;
   Triangulation triangulation;
   FarView view;
 
-  explicit Far(std::vector<glm::vec3> at)
-      : position(std::move(at)), heading(position.size(), 0.3F) {
-    Roster roster;
-    for (std::size_t i = 0; i < position.size(); ++i) {
-      roster.id.push_back(i);
-      roster.character.push_back(static_cast<std::uint16_t>(i % 2));
-      roster.scale.push_back(1.0F);
-      roster.seed.push_back(static_cast<std::uint32_t>(i));
+  explicit Far(std::vector<glm::vec3> at) {
+    const std::size_t count = at.size();
+    auto roster = std::make_shared<Roster>();
+    for (std::size_t i = 0; i < count; ++i) {
+      roster->id.push_back(i);
+      roster->character.push_back(static_cast<std::uint16_t>(i % 2));
+      roster->scale.push_back(1.0F);
+      roster->seed.push_back(static_cast<std::uint32_t>(i));
     }
-    agents = make_far_agents(*cast, cloud, roster);
-    triangulation = triangulate(position, {});
+    snapshot->position_m = std::move(at);
+    snapshot->heading_rad.assign(count, 0.3F);
+    snapshot->velocity_mps.assign(count, glm::vec3(0.0F));
+    snapshot->speed_mps.assign(count, 0.0F);
+    snapshot->walked_cycles.assign(count, 0.0);
+    snapshot->present.assign(count, 1);
+    snapshot->roster = roster;
+    agents = make_far_agents(*cast, cloud, *roster);
+    triangulation = triangulate(snapshot->position_m, {});
     Camera camera;
     camera.eye_world = {20.0, -150.0, 30.0};
     camera.target_world = {20.0, 20.0, 0.0};
-    view.eye_world = camera.eye_world;
-    view.clip_from_relative = clip_from_relative(camera, kViewport);
-    view.px_per_tangent =
-        static_cast<float>(0.5 * kViewport.height_px / std::tan(0.5 * camera.fov_y_rad));
+    view = make_far_view(camera, kViewport, glm::dvec3(0.0));
+  }
+
+  FarPlan plan(std::uint64_t budget, const FarRule& rule = {}) const {
+    FarPlan made;
+    const absl::Status status = made.make(triangulation, agents, cloud, view, budget, rule);
+    EXPECT_TRUE(status.ok()) << status;
+    return made;
+  }
+
+  std::vector<Splat> splats(const FarPlan& plan, bool own, unsigned threads = 2) const {
+    WorkPool pool(threads);
+    std::vector<FarPlace> places;
+    std::vector<Splat> result;
+    place_far(plan, *cast, nullptr, bracket, 0, CrowdSettings{}, view, pool, places);
+    if (own) {
+      generate_far(plan, agents, figures, places, view, pool, result);
+    } else {
+      generate_far(plan, agents, cloud, places, view, pool, result);
+    }
+    return result;
   }
 
   std::uint64_t points_of(const FarPlan& plan) const {
@@ -228,25 +284,38 @@ struct Far {
 
 TEST(FarPlanTest, NeverExceedsTheBudgetAndUsesIt) {
   const Far far(grid(40, 1.0F));
-  for (const PointShare share : {PointShare::kDensity, PointShare::kEqual}) {
-    for (const std::uint64_t budget : {1U, 17U, 400U, 1600U, 5000U}) {
-      FarPlan plan;
-      plan.make(far.triangulation, far.agents, far.cloud, far.view, budget, share);
-      EXPECT_EQ(plan.points(), far.points_of(plan));
-      EXPECT_LE(plan.points(), budget);
-      // beyond this, more points than show would be left to the near ones
-      if (budget <= 1600U) {
-        EXPECT_GE(plan.points() + 2, budget);
+  for (const PointShare share : {PointShare::kDensity, PointShare::kEqual, PointShare::kVisible}) {
+    for (const bool own : {false, true}) {
+      for (const std::uint64_t budget : {1U, 17U, 400U, 1600U, 5000U}) {
+        const FarPlan plan = far.plan(budget, {share, own});
+        EXPECT_EQ(plan.points(), far.points_of(plan));
+        EXPECT_LE(plan.points(), budget);
+        // beyond this, more points than show would be left to the near ones
+        if (budget <= 1600U) {
+          EXPECT_GE(plan.points() + 2, budget);
+        }
+        EXPECT_EQ(plan.visible(), 1600U);
+        EXPECT_EQ(far.splats(plan, own).size(), plan.points());
       }
-      EXPECT_EQ(plan.visible(), 1600U);
     }
   }
 }
 
+TEST(FarPlanTest, BudgetOfNoneIsRefusedByName) {
+  const Far far(grid(3, 1.0F));
+  FarPlan plan;
+  const absl::Status status =
+      plan.make(far.triangulation, far.agents, far.cloud, far.view, 0, FarRule{});
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_NE(status.message().find("budget is 0"), std::string::npos) << status;
+  // and agents that are not those of the triangulation
+  EXPECT_EQ(plan.make(far.triangulation, {}, far.cloud, far.view, 9, FarRule{}).code(),
+            absl::StatusCode::kInvalidArgument);
+}
+
 TEST(FarPlanTest, NobodyGetsMoreThanTheCloudHasOrThanShows) {
   const Far far(grid(6, 3.0F));
-  FarPlan plan;
-  plan.make(far.triangulation, far.agents, far.cloud, far.view, 10'000'000, PointShare::kDensity);
+  const FarPlan plan = far.plan(10'000'000);
   EXPECT_LT(plan.points(), 36U * 400U);
   for (const FarShare& share : plan.shares()) EXPECT_LE(share.points, far.cloud.count());
 }
@@ -256,37 +325,99 @@ TEST(FarPlanTest, WhoHasSpaceAndIsNearGetsMore) {
   auto at = grid(20, 0.5F);
   for (const glm::vec3& p : grid(20, 2.5F)) at.push_back(p + glm::vec3(30.0F, 0.0F, 0.0F));
   const Far far(at);
-  FarPlan plan;
-  plan.make(far.triangulation, far.agents, far.cloud, far.view, 4000, PointShare::kDensity);
+  const FarPlan plan = far.plan(4000);
   std::uint64_t dense = 0, thin = 0;
   for (const FarShare& share : plan.shares()) (share.agent < 400 ? dense : thin) += share.points;
   EXPECT_GT(thin, dense + dense / 4);
 }
 
+TEST(FarPlanTest, WhoIsHiddenByOthersGetsNoPoints) {
+  // a wall of people, and some behind it whom an eye as high as theirs can't see
+  std::vector<glm::vec3> at;
+  for (int i = 0; i < 900; ++i) {
+    at.emplace_back(0.2F * static_cast<float>(i % 300), 0.4F * static_cast<float>(i / 300), 0.0F);
+  }
+  for (int i = 0; i < 50; ++i) at.emplace_back(20.0F + 0.4F * static_cast<float>(i), 8.0F, 0.0F);
+  Far far(at);
+  Camera camera;
+  camera.eye_world = {30.0, -30.0, 1.0};
+  camera.target_world = {30.0, 0.0, 1.0};
+  far.view = make_far_view(camera, kViewport, glm::dvec3(0.0));
+  std::uint64_t hidden[2] = {};
+  for (const PointShare share : {PointShare::kDensity, PointShare::kVisible}) {
+    const FarPlan plan = far.plan(3000, {share, false});
+    for (const FarShare& each : plan.shares()) {
+      if (each.agent >= 900) hidden[share == PointShare::kVisible] += each.points;
+    }
+  }
+  EXPECT_GT(hidden[0], 20U);
+  EXPECT_EQ(hidden[1], 0U);
+}
+
+TEST(FarPlanTest, WhoIsNearIsLeftToOtherForms) {
+  Far far(grid(40, 1.0F));
+  const auto all = far.splats(far.plan(20'000), false);
+  far.view.least_m = 170.0F;
+  std::uint32_t near = 0;
+  const auto rest = far.splats(far.plan(20'000), false);
+  for (const Splat& splat : rest) near += glm::length(splat.position_relative) < 168.0F ? 1U : 0U;
+  EXPECT_EQ(near, 0U);
+  EXPECT_GT(rest.size(), 500U);
+  EXPECT_LT(rest.size(), all.size());
+}
+
+TEST(FarPlanTest, WhoHasGoneOrChangedIsNotShown) {
+  Far far(grid(10, 1.0F));
+  const FarPlan plan = far.plan(1000);
+  far.snapshot->present[3] = 0;
+  const std::size_t before = far.splats(plan, false).size();
+  EXPECT_LT(before, plan.points());
+  // slot 5 belongs to somebody else now
+  Roster other = *far.snapshot->roster;
+  other.id[5] = 1'000;
+  WorkPool pool(1);
+  std::vector<FarPlace> places;
+  place_far(plan, *far.cast, &other, far.bracket, 0, CrowdSettings{}, far.view, pool, places);
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const std::uint32_t agent = plan.shares()[i].agent;
+    EXPECT_EQ(places[i].visible, agent == 3 || agent == 5 ? 0U : 1U);
+  }
+}
+
 TEST(FarPlanTest, NothingInViewGetsNothing) {
   Far far(grid(5, 1.0F));
   far.view.eye_world = {0.0, 500.0, 10.0};  // looks away from it
+  for (const PointShare share : {PointShare::kDensity, PointShare::kEqual, PointShare::kVisible}) {
+    const FarPlan plan = far.plan(100, {share, false});
+    EXPECT_TRUE(plan.shares().empty());
+    EXPECT_TRUE(far.splats(plan, false).empty());
+  }
   FarPlan plan;
-  plan.make(far.triangulation, far.agents, far.cloud, far.view, 100, PointShare::kDensity);
+  EXPECT_TRUE(plan.make({}, {}, far.cloud, far.view, 100, {PointShare::kEqual, false}).ok());
   EXPECT_TRUE(plan.shares().empty());
-  plan.make({}, {}, far.cloud, far.view, 100, PointShare::kEqual);
-  EXPECT_TRUE(plan.shares().empty());
+}
+
+TEST(FarPlanTest, AMillionInOnePlaceShareTheBudget) {
+  const Far far(std::vector<glm::vec3>(1'000'000, glm::vec3(20.0F, 0.0F, 0.0F)));
+  for (const PointShare share : {PointShare::kDensity, PointShare::kEqual, PointShare::kVisible}) {
+    const FarPlan plan = far.plan(500, {share, true});
+    EXPECT_LE(plan.points(), 500U);
+    EXPECT_GT(plan.points(), 0U);
+  }
 }
 
 TEST(FarPlanTest, SplatsDoNotDependOnThreads) {
   const Far far(grid(30, 1.0F));
-  FarPlan plan;
-  plan.make(far.triangulation, far.agents, far.cloud, far.view, 9000, PointShare::kDensity);
-  WorkPool one(1), four(4);
-  std::vector<Splat> a, b;
-  generate_far(plan, far.agents, far.cloud, far.position, far.heading, far.view, one, a);
-  generate_far(plan, far.agents, far.cloud, far.position, far.heading, far.view, four, b);
-  ASSERT_EQ(a.size(), plan.points());
-  ASSERT_EQ(a.size(), b.size());
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    EXPECT_EQ(a[i].position_relative, b[i].position_relative);
-    EXPECT_EQ(a[i].base, b[i].base);
-    EXPECT_EQ(a[i].visible, kNobody);
+  for (const bool own : {false, true}) {
+    const FarPlan plan = far.plan(9000, {PointShare::kVisible, own});
+    const std::vector<Splat> a = far.splats(plan, own, 1), b = far.splats(plan, own, 4);
+    ASSERT_EQ(a.size(), plan.points());
+    ASSERT_EQ(a.size(), b.size());
+    for (std::size_t i = 0; i < a.size(); ++i) {
+      EXPECT_EQ(a[i].position_relative, b[i].position_relative);
+      EXPECT_EQ(a[i].base, b[i].base);
+      EXPECT_EQ(a[i].visible, kNobody);
+    }
   }
 }
 

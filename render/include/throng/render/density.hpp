@@ -32,14 +32,15 @@ class WorkPool;  // render/compute/cpu/work_pool.hpp
 struct Triangulation {
   static constexpr std::uint32_t kNoVertex = 0xffffffffU;
 
-  std::vector<glm::vec2> position_m;       // [U] mean of its agents
+  std::vector<glm::vec3> position_m;       // [U] mean of its agents
   std::vector<float> free_m2;              // [U] ground that each of its agents has for itself
   std::vector<std::uint32_t> vertex_of;    // [A] kNoVertex: absent, or nowhere (not finite)
   std::vector<std::uint32_t> first_agent;  // [U+1] into agents
   std::vector<std::uint32_t> agents;       // by vertex, rising within each
   float cell_m = 0.0F;
-  std::uint32_t triangles =
-      0;  // Delaunay polygons; more corners than three where four are on a circle
+  // Delaunay polygons; more corners than three where four are on a circle
+  std::uint32_t triangles = 0;
+  std::shared_ptr<const Roster> roster;  // whose slots these are; null: not told
 
   std::uint32_t vertex_count() const { return static_cast<std::uint32_t>(position_m.size()); }
 };
@@ -69,9 +70,10 @@ struct CrowdCloud {
   std::vector<glm::vec3> position;   // [P] of a metre's figure
   std::vector<glm::vec3> normal;     // [P]
   std::vector<std::uint8_t> region;  // [P] skin, hair, top, bottom (0..3)
-  std::vector<float> radius;  // [P] spheres of it around the first i + 1 points cover the cloud
-  glm::vec3 base[4];          // linear colour of each region before tints
-  float width = 0.25F;        // mean width of a metre's figure
+  // [P] discs of it around the first i + 1 points are seen as large as the figure
+  std::vector<float> radius;
+  glm::vec3 base[4];    // linear colour of each region before tints
+  float width = 0.25F;  // mean width of a metre's figure
 
   std::uint32_t count() const { return static_cast<std::uint32_t>(position.size()); }
 };
@@ -79,28 +81,68 @@ struct CrowdCloud {
 /// InvalidArgument where no member of the cast has surface points.
 absl::StatusOr<CrowdCloud> make_crowd_cloud(const Cast& cast, std::uint32_t count = 512);
 
+/// The single characters in poses of theirs, and each of these as so many points: beyond the paper,
+/// whose crowd has one shape. A level's points are means over the surface that is nearest to each
+/// (Lloyd 1982), in colour, too, and together they are seen as large as the figure.
+struct FarFigures {
+  static constexpr std::uint32_t kCounts[] = {1,  2,  3,  4,  6,   8,   12,  16,  24,
+                                              32, 48, 64, 96, 128, 192, 256, 384, 512};
+  static constexpr std::uint32_t kLevels = 18, kPointsOfAll = 1788;  // their sum
+  static constexpr std::uint32_t kPhases = 8;                        // of a walk
+  static constexpr std::uint32_t kPoses = 1 + kPhases;               // the first one stands
+
+  /// Of a figure a metre high, feet at the origin, facing +X. 36 bytes.
+  struct Point {
+    glm::vec3 position;
+    float radius;
+    glm::vec3 normal;       // mean: the shorter, the more the point goes round the figure
+    std::uint32_t base;     // colour before tints, as Splat::base
+    std::uint32_t regions;  // tint mask, 8 bits each
+  };
+
+  std::vector<Point> points;  // [members][kPoses][kPointsOfAll]
+
+  /// Which of kCounts is the largest with at most so many points (at least 1).
+  static std::uint32_t level_of(std::uint32_t points);
+  const Point* level(std::uint32_t member, std::uint32_t pose, std::uint32_t level) const;
+};
+
+/// InvalidArgument where no member of the cast has surface points; members without are empty.
+absl::StatusOr<FarFigures> make_far_figures(const Cast& cast);
+
 /// What is known of the agents once they are there: size, and the colours that they wear. [A]
 struct FarAgents {
   std::vector<float> height_m;
   std::vector<std::uint32_t> colors;  // [4 A] skin, hair, top, bottom; packed as Splat::base
+  std::vector<std::uint32_t> tints;   // [4 A] before they meet a base: element::pack_tint
+  std::vector<std::uint16_t> member;  // of the cast
 };
 FarAgents make_far_agents(const Cast& cast, const CrowdCloud& cloud, const Roster& roster);
 
 /// How a crowd's points are shared out. kDensity: the paper's. kEqual: to everybody the same.
-enum class PointShare { kDensity, kEqual };
+/// kVisible, beyond the paper: by how much of each can be seen past those who are nearer.
+enum class PointShare { kDensity, kEqual, kVisible };
+
+struct FarRule {
+  PointShare share = PointShare::kDensity;
+  bool figures = false;  // numbers of points as FarFigures has them, not any
+};
 
 struct FarView {
   glm::dvec3 eye_world{0.0};  // relative to nothing: the crowd's origin is subtracted
   glm::dvec3 origin_world{0.0};
   glm::mat4 clip_from_relative{1.0F};
   float px_per_tangent = 1.0F;  // pixels of a metre at a metre
+  float least_m = 0.0F;         // who is nearer to the eye is drawn as something else
 };
+FarView make_far_view(const Camera& camera, const Viewport& viewport,
+                      const glm::dvec3& origin_world);
 
 /// An agent and how many points of the cloud it gets.
 struct FarShare {
   std::uint32_t agent;
   std::uint32_t points;
-  float radius_m;  // of its points
+  float radius;  // of its points: what theirs is multiplied with
 };
 
 /// Shares a fixed budget of points among the crowd in view.
@@ -111,31 +153,60 @@ struct FarShare {
 /// space does from there). Shares under one point go to as many agents as there are points, chosen
 /// by hash, and those points are larger. Nobody gets more points than show. The sum never exceeds
 /// `budget`.
+///
+/// kVisible keeps how much of the picture those so far leave open, in cells, and counts of each
+/// figure what lies in the open; who is behind others gets none.
 class FarPlan {
  public:
-  /// @param budget  points, at least 1
-  void make(const Triangulation& triangulation, const FarAgents& agents, const CrowdCloud& cloud,
-            const FarView& view, std::uint64_t budget, PointShare share);
+  /// @param budget  points; InvalidArgument for none
+  absl::Status make(const Triangulation& triangulation, const FarAgents& agents,
+                    const CrowdCloud& cloud, const FarView& view, std::uint64_t budget,
+                    const FarRule& rule);
 
   std::span<const FarShare> shares() const { return shares_; }
   std::uint64_t points() const { return points_; }
   std::uint32_t visible() const { return visible_; }  // agents on vertices in view
 
  private:
+  void collect(const Triangulation& triangulation, const FarAgents& agents, const CrowdCloud& cloud,
+               const FarView& view, PointShare share);
+  void hide(const Triangulation& triangulation, const FarAgents& agents, const CrowdCloud& cloud,
+            const FarView& view);
+
   std::vector<FarShare> shares_;
   std::vector<std::uint64_t> order_;  // distance bits and vertex
   std::vector<float> weight_;         // by vertex
+  std::vector<float> open_;           // by cell of the picture: share that nobody covers yet
+  double rest_weight_ = 0.0;
   std::uint64_t points_ = 0;
   std::uint32_t visible_ = 0;
 };
 
+/// Where an agent with a share is at the moment, and how it walks.
+struct FarPlace {
+  glm::vec3 position_m;  // offset from the crowd's origin
+  float heading_rad;
+  std::uint32_t pose;     // of FarFigures
+  std::uint32_t visible;  // 0: not there, or nearer than FarView::least_m
+};
+
+/// Places the agents of a plan's shares: as `advance` does, and therefore where a mesh would be.
+/// @param roster  that the plan's agents are of: who has gone since is not visible
+void place_far(const FarPlan& plan, const Cast& cast, const Roster* roster, const Bracket& bracket,
+               std::int64_t scene_time_us, const CrowdSettings& settings, const FarView& view,
+               WorkPool& pool, std::vector<FarPlace>& places);
+
 /// Copies the prefix of the cloud that each agent's share says to where it stands, in its colours:
 /// everything that one draw of the whole far crowd needs. Work depends on the points alone.
-/// @param position_m   [A] offset from the crowd's origin
-/// @param heading_rad  [A] NaN: +X
+/// @param places  by share
 void generate_far(const FarPlan& plan, const FarAgents& agents, const CrowdCloud& cloud,
-                  std::span<const glm::vec3> position_m, std::span<const float> heading_rad,
-                  const FarView& view, WorkPool& pool, std::vector<Splat>& splats);
+                  std::span<const FarPlace> places, const FarView& view, WorkPool& pool,
+                  std::vector<Splat>& splats);
+
+/// The same with the points of each one's own figure, of a plan made for them.
+void generate_far(const FarPlan& plan, const FarAgents& agents, const FarFigures& figures,
+                  std::span<const FarPlace> places, const FarView& view, WorkPool& pool,
+                  std::vector<Splat>& splats);
 
 /// Triangulates in a thread of its own, the newest request first and not more often than told, so
 /// that no frame waits. Thread safe.

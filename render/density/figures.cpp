@@ -1,0 +1,159 @@
+#include <absl/strings/str_cat.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "render/crowd/gait_of.hpp"
+#include "render/density/samples.hpp"
+#include "render/raster/element/color.hpp"
+#include "throng/render/density.hpp"
+
+namespace throng::render {
+namespace {
+
+constexpr std::uint32_t kSamples = 2048;  // of a character's surface
+constexpr int kRounds = 5;
+
+/// Opposite normals count as so far apart, halved, where points are for one side of a limb each.
+constexpr float kNormalM = 0.04F;
+constexpr std::uint32_t kSidesFrom = 32;  // points: with fewer, each goes round
+
+/// Which of the level's points each sample belongs to: the nearest centre's (Lloyd 1982).
+std::vector<std::uint32_t> cluster(const std::vector<Sample>& samples, std::uint32_t count) {
+  const float apart = count >= kSidesFrom ? kNormalM : 0.0F;
+  const std::size_t size = samples.size();
+  // by columns, so that the loop over centres is one of vectors
+  std::vector<float> at[6];
+  for (auto& column : at) column.resize(count);
+  const auto set = [&](std::uint32_t i, const glm::vec3& p, const glm::vec3& n) {
+    for (int k = 0; k < 3; ++k) {
+      at[k][i] = p[k];
+      at[3 + k][i] = apart * n[k];
+    }
+  };
+  for (std::uint32_t i = 0; i < count; ++i) set(i, samples[i].position, samples[i].normal);
+  std::vector<std::uint32_t> nearest(size);
+  std::vector<float> distance(count);
+  for (int round = 0;; ++round) {
+    for (std::size_t s = 0; s < size; ++s) {
+      const glm::vec3& p = samples[s].position;
+      const glm::vec3 n = apart * samples[s].normal;
+      for (std::uint32_t i = 0; i < count; ++i) {
+        const float dx = at[0][i] - p.x, dy = at[1][i] - p.y, dz = at[2][i] - p.z;
+        const float ex = at[3][i] - n.x, ey = at[4][i] - n.y, ez = at[5][i] - n.z;
+        distance[i] = dx * dx + dy * dy + dz * dz + (ex * ex + ey * ey + ez * ez);
+      }
+      nearest[s] = static_cast<std::uint32_t>(std::min_element(distance.begin(), distance.end()) -
+                                              distance.begin());
+    }
+    if (round == kRounds) return nearest;
+    std::vector<glm::vec3> position(count, glm::vec3(0.0F)), normal = position;
+    std::vector<float> members(count, 0.0F);
+    for (std::size_t s = 0; s < size; ++s) {
+      position[nearest[s]] += samples[s].position;
+      normal[nearest[s]] += samples[s].normal;
+      members[nearest[s]] += 1.0F;
+    }
+    for (std::uint32_t i = 0; i < count; ++i) {
+      if (members[i] > 0.0F) set(i, position[i] / members[i], normal[i] / members[i]);
+    }
+  }
+}
+
+std::uint32_t packed_regions(const glm::vec4& regions) {
+  std::uint32_t word = 0;
+  for (int k = 0; k < 4; ++k) {
+    word |= static_cast<std::uint32_t>(std::clamp(regions[k], 0.0F, 1.0F) * 255.0F + 0.5F)
+            << (8 * k);
+  }
+  return word;
+}
+
+/// A level's points in one pose; radii by the surface that each stands for.
+void add_level(const std::vector<Sample>& samples, const std::vector<std::uint32_t>& nearest,
+               std::uint32_t count, FarFigures::Point* out) {
+  std::vector<Sample> sum(
+      count, Sample{glm::vec3(0.0F), glm::vec3(0.0F), glm::vec3(0.0F), glm::vec4(0.0F), 0.0F});
+  for (std::size_t s = 0; s < samples.size(); ++s) {
+    Sample& own = sum[nearest[s]];
+    own.position += samples[s].position;
+    own.normal += samples[s].normal;
+    own.color += samples[s].color;
+    own.regions += samples[s].regions;
+    own.weight += 1.0F;
+  }
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const Sample& own = sum[i];
+    const float each = 1.0F / std::max(own.weight, 1.0F);
+    out[i] = {own.position * each, std::sqrt(own.weight / static_cast<float>(samples.size())),
+              own.normal * each, element::pack_color(own.color * each),
+              packed_regions(own.regions * each)};
+  }
+}
+
+}  // namespace
+
+std::uint32_t FarFigures::level_of(std::uint32_t points) {
+  const auto* above = std::upper_bound(std::begin(kCounts), std::end(kCounts), points);
+  return above == std::begin(kCounts)
+             ? 0U
+             : static_cast<std::uint32_t>(above - std::begin(kCounts)) - 1U;
+}
+
+const FarFigures::Point* FarFigures::level(std::uint32_t member, std::uint32_t pose,
+                                           std::uint32_t level) const {
+  std::size_t first = (std::size_t{member} * kPoses + pose) * kPointsOfAll;
+  for (std::uint32_t k = 0; k < level; ++k) first += kCounts[k];
+  return points.data() + first;
+}
+
+absl::StatusOr<FarFigures> make_far_figures(const Cast& cast) {
+  FarFigures figures;
+  figures.points.resize(cast.members.size() * FarFigures::kPoses * FarFigures::kPointsOfAll);
+  bool any = false;
+  for (std::size_t m = 0; m < cast.members.size(); ++m) {
+    const Character& character = cast.members[m].character;
+    if (cast.members[m].environment || character.points.count() == 0) continue;
+    any = true;
+    const element::Gait gait = gait_of(character);
+    const element::ClipRange& walk = gait.walk.frame_count != 0 ? gait.walk : gait.run;
+    std::vector<std::vector<Sample>> poses;
+    for (std::uint32_t pose = 0; pose < FarFigures::kPoses; ++pose) {
+      std::uint32_t frame = standing_frame(character);
+      if (pose > 0 && walk.frame_count > 0) {
+        frame = walk.first_frame + (pose - 1) * walk.frame_count / FarFigures::kPhases;
+      }
+      poses.push_back(surface_samples(character, kSamples, frame));
+    }
+    const float area = seen_area_of(character);
+    FarFigures::Point* first =
+        figures.points.data() + m * FarFigures::kPoses * FarFigures::kPointsOfAll;
+    for (const std::uint32_t wanted : FarFigures::kCounts) {
+      // a character with fewer points has the rest of a level's nowhere: they are not seen
+      const auto count = std::min(wanted, static_cast<std::uint32_t>(poses[0].size()));
+      const std::vector<std::uint32_t> nearest = cluster(poses[0], count);
+      for (std::uint32_t pose = 0; pose < FarFigures::kPoses; ++pose) {
+        add_level(poses[pose], nearest, count, first + pose * FarFigures::kPointsOfAll);
+      }
+      std::vector<Disc> discs;
+      for (std::uint32_t i = 0; i < count; ++i)
+        discs.push_back({first[i].position, first[i].radius});
+      const float factor = fitted_factor(discs, area);
+      for (std::uint32_t pose = 0; pose < FarFigures::kPoses; ++pose) {
+        for (std::uint32_t i = 0; i < count; ++i) {
+          first[pose * FarFigures::kPointsOfAll + i].radius *= factor;
+        }
+      }
+      first += wanted;
+    }
+  }
+  if (!any) {
+    return absl::InvalidArgumentError(absl::StrCat("make_far_figures: none of the cast's ",
+                                                   cast.members.size(),
+                                                   " members has surface points; bake it again"));
+  }
+  return figures;
+}
+
+}  // namespace throng::render

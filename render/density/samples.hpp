@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <span>
+#include <vector>
+
+#include "throng/render/asset.hpp"
+
+namespace throng::render {
+
+/// A surface point of some character, brought to a figure a metre high.
+struct Sample {
+  glm::vec3 position, normal;
+  glm::vec3 color;    // linear
+  glm::vec4 regions;  // shares of the tint mask
+  float weight = 1.0F;
+};
+
+/// Linear colour of a PointTone's or Splat's base.
+glm::vec3 unpacked_color(std::uint32_t base);
+
+/// Palette frame of somebody who stands: the first one of the idle clip, or of all.
+std::uint32_t standing_frame(const Character& character);
+
+/// The character's first `count` points, or all that there are, in a frame of its palette.
+std::vector<Sample> surface_samples(const Character& character, std::uint32_t count,
+                                    std::uint32_t frame);
+
+struct Disc {
+  glm::vec3 centre;
+  float radius;
+};
+
+/// Area that discs which face the eye cover together as seen from the side, the mean of three
+/// directions; m2 of a figure a metre high.
+float seen_area(std::span<const Disc> discs, float factor);
+
+/// The same of the whole figure.
+float seen_area_of(const Character& character);
+
+/// What the discs' radii are to be multiplied with, so that they are seen as large as `area`.
+float fitted_factor(std::span<const Disc> discs, float area);
+
+}  // namespace throng::render
