@@ -124,17 +124,33 @@ void add_network(CLI::App& app, ServerOptions& options) {
   add_ms("--drain-ms", options.drain_time, "Time that calls have to end when the server stops");
 }
 
-void add_record(CLI::App& app, throng::server::RecordSettings& record) {
+void add_record(CLI::App& app, throng::server::RecordSettings& record, bool& fresh) {
   const char* const kGroup = "Recording";
   app.add_option("--record", record.folder,
                  "Folder that keeps what producers send, CROWD.STAMP.PART.trec, to be played again "
-                 "by 'throng publish'")
+                 "by 'throng publish'; the crowds that it holds are there again after a restart")
+      ->group(kGroup);
+  app.add_flag("--fresh", fresh, "Begin without the crowds that the folder of --record holds")
       ->group(kGroup);
   app.add_option_function<std::uint64_t>(
          "--record-mib", [&record](std::uint64_t mib) { record.limit_bytes = mib << 20; },
          "Of a crowd, all its runs together; the oldest parts are removed beyond it")
       ->default_str(std::to_string(record.limit_bytes >> 20))
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 30))
+      ->group(kGroup);
+  app.add_option_function<std::uint64_t>(
+         "--record-queue-mib", [&record](std::uint64_t mib) { record.queue_bytes = mib << 20; },
+         "Of a crowd, what may wait for a slow disk; frames beyond it are not recorded, but "
+         "counted")
+      ->default_str(std::to_string(record.queue_bytes >> 20))
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 20))
+      ->group(kGroup);
+  app.add_option_function<std::int64_t>(
+         "--record-sync-ms",
+         [&record](std::int64_t ms) { record.sync_every = std::chrono::milliseconds(ms); },
+         "Recordings are synced to the disk this often while they grow; 0: left to the system")
+      ->default_str(std::to_string(record.sync_every.count()))
+      ->check(CLI::Range(std::int64_t{0}, std::int64_t{86'400'000}))
       ->group(kGroup);
 }
 
@@ -159,7 +175,7 @@ int main(int argc, char** argv) {
   throng::server::WebOptions web;
   throng::render::FramePipelineOptions pipeline;
   std::string cast_folder, compute = "auto", gpu, raster = "auto", log_level = "info";
-  bool doctor = false, json = false;
+  bool doctor = false, json = false, fresh = false;
 
   CLI::App app{"Shows crowds: takes agents from simulators and sends pictures to viewers.",
                "throng-server"};
@@ -200,7 +216,7 @@ int main(int argc, char** argv) {
   add_network(app, options);
   add_web(app, web);
   add_limits(app, options);
-  add_record(app, options.record);
+  add_record(app, options.record, fresh);
   app.footer(
       "Examples:\n"
       "  throng-server                                   this machine only, port 7447\n"
@@ -208,7 +224,10 @@ int main(int argc, char** argv) {
       "  throng-server --listen 0.0.0.0:7447 --tls-cert cert.pem --tls-key key.pem \\\n"
       "                --token-file tokens               for other machines\n"
       "  throng-server --http 127.0.0.1:7480             with a page for browsers\n"
-      "  throng-server --record runs --record-mib 2048   keep what comes, to publish it again\n"
+      "  throng-server --record runs --record-mib 2048   keep what comes, also for the next start\n"
+      "  throng-server --record runs --fresh --record-sync-ms 200 --record-queue-mib 256\n"
+      "                                                  an empty server, synced five times a "
+      "second\n"
       "  throng-server --doctor --json                   what EGL, CUDA and rasterizers can do "
       "here\n"
       "Exit codes: 0 stopped in order, 1 failure, 2 usage, 3 bad input, 4 nothing to draw with.");
@@ -251,6 +270,7 @@ int main(int argc, char** argv) {
       return fail(kBadInput, "--record " + options.record.folder + ": " +
                                  (error ? error.message() : "it cannot be written"));
     }
+    options.resume = !fresh;
   }
   auto cast = throng::render::read_cast(cast_folder);
   if (!cast.ok()) return fail(kBadInput, std::string(cast.status().message()));

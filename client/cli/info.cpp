@@ -62,6 +62,10 @@ int run_crowds(const Common& common, bool json) {
                  crowd.live() ? "yes" : "no", crowd.viewers(),
                  static_cast<double>(crowd.newest_time_us()) * 1e-6, crowd.frames(),
                  crowd.producer());
+    if (crowd.unrecorded_frames() > 0) {
+      absl::FPrintF(stderr, "throng: the recording of '%s' lost %d frames\n", crowd.name(),
+                    crowd.unrecorded_frames());
+    }
   }
   return kOk;
 }

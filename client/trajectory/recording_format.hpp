@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -119,6 +120,13 @@ T take(const char* at) {
   std::memcpy(&value, at, sizeof value);
   return value;
 }
+
+/// What the name of a part says: CROWD.STAMP.PART.trec, where STAMP has no dot.
+struct PartName {
+  std::string crowd, stem;  // the stem is CROWD.STAMP, one for each run
+  unsigned part = 0;
+};
+std::optional<PartName> part_name(std::string_view file_name);
 
 std::uint32_t record_checksum(std::string_view type_and_length, std::string_view payload);
 

@@ -9,12 +9,15 @@
 #include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <tuple>
 #include <unordered_map>
 #include <unordered_set>
 
 #include "readers.hpp"
 #include "recording_format.hpp"
 #include "support.hpp"
+#include "throng/trajectory/recording.hpp"
 
 /// What throng-server keeps with --record; recording.hpp and recording_format.hpp tell the layout.
 namespace throng::trajectory::detail {
@@ -25,9 +28,15 @@ constexpr std::int64_t kLatestUs = std::int64_t{1} << 53;
 
 class RecordingReader final : public Reader {
  public:
-  explicit RecordingReader(std::string path) : path_(std::move(path)) {
+  /// @param is_single  this part alone, with the producer's own times
+  explicit RecordingReader(std::string path, bool is_single = false)
+      : path_(std::move(path)), is_single_(is_single) {
     info_.format = "throng-recording";
   }
+
+  const RecordingSpec& spec() const { return spec_; }
+  /// Behind the last complete record, once all frames were read.
+  std::uint64_t end() const { return record_at_; }
 
   absl::Status open(const ReadOptions& options) {
     if (absl::Status s = require_metres(path_, options, "a recording"); !s.ok()) return s;
@@ -135,6 +144,7 @@ class RecordingReader final : public Reader {
       } else if (type_ == "AREA") {
         area();
       } else if (type_ == "NEXT") {
+        if (is_single_) return false;
         absl::StatusOr<bool> opened = next_part();
         if (!opened.ok() || !*opened) return opened;
       }  // others are of later versions
@@ -178,13 +188,25 @@ class RecordingReader final : public Reader {
         if (rate != 0.0 && valid_fps(rate)) info_.fps = rate;
       }
     }
+    const auto text = [&](const char* key) {
+      const auto found = json.find(key);
+      return found != json.end() && found->is_string() ? found->get<std::string>() : std::string();
+    };
+    spec_ = {text("crowd"),          text("run_id"), text("producer"), origin,
+             info_.seed.value_or(0), info_.fps,      channels,         {}};
+    if (const auto found = json.find("channel_units");
+        found != json.end() && found->is_array() && found->size() == channels.size()) {
+      for (const auto& unit : *found) {
+        spec_.channel_units.push_back(unit.is_string() ? unit.get<std::string>() : "");
+      }
+    }
     origin_m_ = origin;
     was_started_ = has_start_ = true;
     return absl::OkStatus();
   }
 
   void area() {
-    if (!has_frames_) {
+    if (!has_frames_ || is_single_) {
       info_.walkable_area_wkt = payload_;
     } else if (payload_ != info_.walkable_area_wkt && !area_changed_) {
       area_changed_ = true;
@@ -283,7 +305,7 @@ class RecordingReader final : public Reader {
     planes_.resize(4 * agents * (3 + (has_heading ? 1 : 0) + packed_channels));
     if (absl::Status s = unpack(kFrameHead, planes_); !s.ok()) return s;
 
-    frame.time_us = time_us - first_us_;
+    frame.time_us = is_single_ ? time_us : time_us - first_us_;
     frame.ids = ids_;
     const char* plane = planes_.data();
     const auto word = [&](std::size_t i) {
@@ -334,6 +356,8 @@ class RecordingReader final : public Reader {
   }
 
   std::string path_;
+  bool is_single_ = false;
+  RecordingSpec spec_;
   Info info_;
   std::ifstream file_;
   std::uint64_t position_ = 0, record_at_ = 0;
@@ -359,3 +383,85 @@ ReaderOr open_recording(const std::string& path, const ReadOptions& options) {
 }
 
 }  // namespace throng::trajectory::detail
+
+namespace throng::trajectory {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Part {
+  detail::PartName name;
+  fs::path path;
+  std::uint64_t bytes = 0;
+};
+
+/// All parts in a folder, runs by their stamp and each run's parts in their order.
+std::vector<Part> parts_in(const std::string& folder) {
+  std::vector<Part> parts;
+  std::error_code error;
+  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
+    std::optional<detail::PartName> name = detail::part_name(at->path().filename().string());
+    std::error_code failed;
+    const std::uint64_t bytes = at->file_size(failed);
+    if (name.has_value() && !failed) parts.push_back({*std::move(name), at->path(), bytes});
+  }
+  std::sort(parts.begin(), parts.end(), [](const Part& a, const Part& b) {
+    return std::tie(a.name.crowd, a.name.stem, a.name.part) <
+           std::tie(b.name.crowd, b.name.stem, b.name.part);
+  });
+  return parts;
+}
+
+}  // namespace
+
+std::vector<std::string> recorded_crowds(const std::string& folder) {
+  std::vector<std::string> crowds;
+  for (const Part& part : parts_in(folder)) {
+    if (crowds.empty() || crowds.back() != part.name.crowd) crowds.push_back(part.name.crowd);
+  }
+  return crowds;
+}
+
+absl::StatusOr<RecordedRun> read_last_run(
+    const std::string& folder, const std::string& crowd, std::uint64_t most_bytes,
+    const std::function<absl::Status(const RecordingSpec&, const Frame&, const Reader&)>& take) {
+  std::vector<Part> parts = parts_in(folder);
+  std::erase_if(parts, [&](const Part& part) { return part.name.crowd != crowd; });
+  if (parts.empty()) {
+    return absl::NotFoundError(absl::StrCat(folder, ": there is no recording of '", crowd, "'"));
+  }
+  const std::string stem = parts.back().name.stem;
+  std::size_t first = parts.size() - 1;
+  std::uint64_t bytes = parts[first].bytes;
+  while (first > 0 && parts[first - 1].name.stem == stem &&
+         bytes + parts[first - 1].bytes <= most_bytes) {
+    bytes += parts[--first].bytes;
+  }
+  RecordedRun run;
+  for (std::size_t i = first; i < parts.size(); ++i) {
+    detail::RecordingReader reader(parts[i].path.string(), true);
+    absl::Status status = reader.open({});
+    Frame frame;
+    const std::uint64_t frames_before = run.frames;
+    while (status.ok()) {
+      absl::StatusOr<bool> more = reader.next(frame);
+      status = more.status();
+      if (!status.ok() || !*more) break;
+      if (absl::Status taken = take(reader.spec(), frame, reader); !taken.ok()) return taken;
+      ++run.frames;
+    }
+    run.notes.insert(run.notes.end(), reader.info().notes.begin(), reader.info().notes.end());
+    if (!status.ok()) run.notes.emplace_back(status.message());
+    if (run.frames == frames_before) continue;  // killed before its first frame
+    run.spec = reader.spec();
+    run.walkable_area_wkt = reader.info().walkable_area_wkt;
+    // What is damaged in its middle stays as it is; the run goes on in another recording.
+    run.end = status.ok() ? RecordingEnd{parts[i].path.string(), reader.end()} : RecordingEnd{};
+  }
+  if (run.frames == 0) {
+    return absl::NotFoundError(absl::StrCat(stem, ": ", run.notes.empty() ? "" : run.notes.back()));
+  }
+  return run;
+}
+
+}  // namespace throng::trajectory

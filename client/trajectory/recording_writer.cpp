@@ -1,3 +1,5 @@
+#include <absl/strings/match.h>
+#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 #include <fcntl.h>
@@ -26,26 +28,7 @@ static_assert(std::endian::native == std::endian::little, "recordings are little
 
 constexpr int kZstdLevel = 1;
 constexpr std::uint64_t kParts = 8;
-constexpr std::uint64_t kLeastPartBytes = 4u << 10;
-constexpr std::string_view kEnding = ".trec";
-
-/// Whether a name is CROWD.STAMP.PART.trec of this crowd; STAMP has no dot.
-bool is_part_of(std::string_view name, std::string_view crowd) {
-  if (name.size() < kEnding.size() || name.substr(name.size() - kEnding.size()) != kEnding) {
-    return false;
-  }
-  name.remove_suffix(kEnding.size());
-  for (int field = 0; field < 2; ++field) {
-    const std::size_t dot = name.rfind('.');
-    if (dot == std::string_view::npos) return false;
-    if (field == 0 && name.find_first_not_of("0123456789", dot + 1) != std::string_view::npos) {
-      return false;
-    }
-    if (field == 1 && (name.size() - dot < 17 || name[dot + 9] != 'T')) return false;
-    name = name.substr(0, dot);
-  }
-  return name == crowd;
-}
+constexpr std::uint64_t kLeastPartBytes = 4u << 10, kMostPartBytes = 64u << 20;
 
 std::string utc_stamp() {
   const std::time_t now = std::time(nullptr);
@@ -67,6 +50,24 @@ std::string compressed(const std::string& raw) {
 }  // namespace
 
 namespace detail {
+std::optional<PartName> part_name(std::string_view name) {
+  PartName parts;
+  if (!absl::EndsWith(absl::string_view(name.data(), name.size()), ".trec")) return std::nullopt;
+  name.remove_suffix(std::string_view(".trec").size());
+  const std::size_t number = name.rfind('.');
+  if (number == std::string_view::npos ||
+      !absl::SimpleAtoi(absl::string_view(name.data() + number + 1, name.size() - number - 1),
+                        &parts.part)) {
+    return std::nullopt;
+  }
+  parts.stem = std::string(name.substr(0, number));
+  const std::size_t stamp = parts.stem.rfind('.');
+  if (stamp == std::string::npos || parts.stem.size() - stamp < 17 || parts.stem[stamp + 9] != 'T')
+    return std::nullopt;
+  parts.crowd = parts.stem.substr(0, stamp);
+  return parts;
+}
+
 std::uint32_t record_checksum(std::string_view type_and_length, std::string_view payload) {
   const auto bytes = [](std::string_view text) {
     return reinterpret_cast<const Bytef*>(text.data());
@@ -91,7 +92,9 @@ struct RecordingWriter::State {
 
   int file = -1;
   std::string stem, path;
+  bool is_entry_synced = false;  // the file's name is on the disk as well
   unsigned part = 0;
+  RecordingEnd continues;
   std::uint64_t part_bytes = 0, frame_bytes = 0;  // of the part, of the newest frame
   absl::Status failed;
 
@@ -124,6 +127,18 @@ struct RecordingWriter::State {
     return absl::OkStatus();
   }
 
+  absl::Status sync() {
+    if (!failed.ok() || file < 0) return failed;
+    if (::fdatasync(file) != 0) return fail(absl::StrCat(path, ": cannot be synced"), errno);
+    if (is_entry_synced) return absl::OkStatus();
+    const int entries = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (entries < 0) return fail(absl::StrCat(folder, ": cannot be synced"), errno);
+    // Not every file system syncs folders; those that do not need no help.
+    is_entry_synced = ::fsync(entries) == 0 || errno == EINVAL;
+    ::close(entries);
+    return absl::OkStatus();
+  }
+
   absl::Status record(std::string_view type, const std::string& payload) {
     std::string bytes(type);
     put(bytes, static_cast<std::uint32_t>(payload.size()));
@@ -132,23 +147,49 @@ struct RecordingWriter::State {
     return append(bytes);
   }
 
+  /// Takes the file up that a run before has left, without what a kill tore at its end.
+  absl::Status reopen_last_part() {
+    const std::optional<PartName> name = part_name(fs::path(continues.path).filename().string());
+    if (!name.has_value()) return fail(absl::StrCat(continues.path, ": no part's name"), EINVAL);
+    path = continues.path;
+    file = ::open(path.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
+    if (file < 0 || ::ftruncate(file, static_cast<off_t>(continues.bytes)) != 0) {
+      return fail(absl::StrCat(path, ": cannot be continued"), errno);
+    }
+    stem = name->stem;
+    part = name->part;
+    part_bytes = continues.bytes;
+    continues.path.clear();
+    return absl::OkStatus();
+  }
+
   absl::Status open_part() {
+    if (file < 0 && !continues.path.empty()) {
+      if (absl::Status s = reopen_last_part(); !s.ok()) return s;
+    }
+    const bool is_new_run = part == 0;
     std::string name;
     int opened = -1;
     for (int attempt = 0; opened < 0 && attempt < 1000; ++attempt) {
-      // A run that begins in the same second gets another stamp.
-      if (part == 0) stem = absl::StrCat(spec.crowd, ".", utc_stamp());
-      if (part == 0 && attempt > 0) absl::StrAppend(&stem, "-", attempt + 1);
-      name = absl::StrFormat("%s.%04u%s", stem, part + 1, kEnding);
+      // A run that begins in the same second gets another stamp; a part that a killed server left
+      // without its beginning is passed over.
+      if (is_new_run) {
+        stem = absl::StrCat(spec.crowd, ".", utc_stamp());
+        if (attempt > 0) absl::StrAppend(&stem, "-", attempt + 1);
+        part = 0;
+      }
+      name = absl::StrFormat("%s.%04u.trec", stem, ++part);
       opened = ::open((fs::path(folder) / name).c_str(),
                       O_WRONLY | O_CREAT | O_EXCL | O_APPEND | O_CLOEXEC, 0644);
-      if (opened < 0 && (errno != EEXIST || part > 0)) break;
+      if (opened < 0 && errno != EEXIST) break;
     }
     if (opened < 0) {
       return fail(absl::StrCat((fs::path(folder) / name).string(), ": cannot be made"), errno);
     }
     if (file >= 0) {
-      if (absl::Status s = record("NEXT", name); !s.ok()) {
+      absl::Status s = record("NEXT", name);
+      if (s.ok()) s = sync();
+      if (!s.ok()) {
         ::close(opened);
         return s;
       }
@@ -156,7 +197,7 @@ struct RecordingWriter::State {
     }
     file = opened;
     path = (fs::path(folder) / name).string();
-    ++part;
+    is_entry_synced = false;
     part_bytes = 0;
     is_key = members_changed = true;
     const nlohmann::json start = {{"crowd", spec.crowd},
@@ -166,6 +207,7 @@ struct RecordingWriter::State {
                                   {"seed", spec.seed},
                                   {"rate_hz", spec.rate_hz},
                                   {"channels", spec.channel_names},
+                                  {"channel_units", spec.channel_units},
                                   {"part", part}};
     std::string head(kRecordingMagic);
     if (absl::Status s = append(head); !s.ok()) return s;
@@ -190,12 +232,15 @@ struct RecordingWriter::State {
     for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
       const fs::directory_entry& entry = *at;
       const std::string name = entry.path().filename().string();
-      if (!is_part_of(name, spec.crowd) || entry.path() == fs::path(path)) continue;
+      const std::optional<PartName> part_of = part_name(name);
+      if (!part_of.has_value() || part_of->crowd != spec.crowd || entry.path() == fs::path(path)) {
+        continue;
+      }
       bytes += entry.file_size(error);
       parts.emplace_back(entry.last_write_time(error), entry.path());
     }
     std::sort(parts.begin(), parts.end());
-    const std::uint64_t room = limit_bytes - std::min(limit_bytes, limit_bytes / kParts);
+    const std::uint64_t room = limit_bytes - std::min(limit_bytes / kParts, kMostPartBytes);
     for (const auto& [time, part_path] : parts) {
       if (bytes <= room) return;
       const std::uint64_t size = fs::file_size(part_path, error);
@@ -237,8 +282,10 @@ struct RecordingWriter::State {
   }
 };
 
-RecordingWriter::RecordingWriter(std::string folder, RecordingSpec spec, std::uint64_t limit_bytes)
+RecordingWriter::RecordingWriter(std::string folder, RecordingSpec spec, std::uint64_t limit_bytes,
+                                 RecordingEnd continues)
     : state_(std::make_unique<State>()) {
+  state_->continues = std::move(continues);
   state_->folder = std::move(folder);
   state_->spec = std::move(spec);
   state_->limit_bytes = limit_bytes;
@@ -254,6 +301,8 @@ void RecordingWriter::set_members(std::span<const std::uint64_t> ids,
   state_->names.assign(names.begin(), names.end());
   state_->members_changed = true;
 }
+
+absl::Status RecordingWriter::sync() { return state_->sync(); }
 
 absl::Status RecordingWriter::set_walkable_area(const std::string& wkt) {
   State& s = *state_;
@@ -274,7 +323,8 @@ absl::Status RecordingWriter::write(std::int64_t time_us, std::span<const float>
     return absl::InvalidArgumentError(
         absl::StrCat("write: the columns do not fit ", agents, " agents"));
   }
-  const std::uint64_t part_limit = std::max(s.limit_bytes / kParts, kLeastPartBytes);
+  const std::uint64_t part_limit =
+      std::clamp(s.limit_bytes / kParts, kLeastPartBytes, kMostPartBytes);
   if (s.file < 0 || s.part_bytes + s.frame_bytes > part_limit) {
     if (absl::Status status = s.open_part(); !status.ok()) return status;
   }

@@ -398,6 +398,8 @@ void fill_crowd(const CrowdReport& report, v1::CrowdInfo& message) {
   message.set_history_bytes(report.history_bytes);
   message.set_run_id(report.run_id);
   message.set_walkable_area_wkt(report.walkable_area_wkt);
+  message.set_recorded_frames(report.recorded.written_frames);
+  message.set_unrecorded_frames(report.recorded.lost_frames);
 }
 
 StartRequest start_request_from(const v1::StartPublishing& start) {

@@ -180,6 +180,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(ServerOptions options,
   state->options = options;
   state->registry = std::make_unique<Registry>(cast, options.limits, options.playout, options.now,
                                                options.record);
+  if (options.resume) state->registry->resume();
   RenderLoopOptions loop_options;
   loop_options.default_vertex_budget = options.default_vertex_budget;
   loop_options.target_ms = options.target_ms;

@@ -22,6 +22,7 @@ struct ServerOptions {
   Limits limits;
   PlayoutSettings playout;
   RecordSettings record;
+  bool resume = false;  // begin with the crowds that were recorded
   std::uint64_t default_vertex_budget = 1'000'000;
   double target_ms = 0.0;  // over 0: views that ask for no budget get what a frame this long allows
   render::ControllerKind controller = render::ControllerKind::kPredictive;

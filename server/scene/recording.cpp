@@ -6,13 +6,122 @@
 #include <utility>
 
 namespace throng::server {
+namespace {
 
-Recording::Recording(const RecordSettings& settings, trajectory::RecordingSpec spec)
-    : crowd_(spec.crowd), writer_(settings.folder, std::move(spec), settings.limit_bytes) {}
+using SteadyClock = std::chrono::steady_clock;
+
+std::uint64_t size_of(const render::AgentFrame& frame) {
+  std::uint64_t floats = 3 * frame.position_m.size() + frame.heading_rad.size();
+  for (const std::vector<float>& channel : frame.channels) floats += channel.size();
+  return sizeof frame + sizeof(float) * floats;
+}
+
+}  // namespace
+
+Recording::Recording(RecordSettings settings, trajectory::RecordingSpec spec,
+                     trajectory::RecordingEnd continues)
+    : settings_(std::move(settings)),
+      crowd_(spec.crowd),
+      writer_(settings_.folder, std::move(spec), settings_.limit_bytes, std::move(continues)),
+      thread_([this] { run(); }) {}
+
+Recording::~Recording() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  changed_.notify_all();
+  thread_.join();
+}
 
 void Recording::write(const render::AgentFrame& frame) {
+  add({std::make_unique<const render::AgentFrame>(frame), {}, size_of(frame)});
+}
+
+void Recording::set_walkable_area(const std::string& wkt) { add({nullptr, wkt, wkt.size()}); }
+
+void Recording::wait_idle() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [this] { return queue_.empty() && !is_writing_; });
+}
+
+Recording::Counters Recording::counters() const {
   const std::lock_guard lock(mutex_);
-  if (has_failed_ || (has_frames_ && frame.time_us <= last_us_)) return;
+  return counters_;
+}
+
+void Recording::add(Item item) {
+  {
+    const std::lock_guard lock(mutex_);
+    // One frame always has room, however large it is.
+    if (!queue_.empty() && queued_bytes_ + item.bytes > settings_.queue_bytes) {
+      if (item.frame != nullptr) {
+        ++counters_.lost_frames;
+      } else {
+        spdlog::warn("event=recording_lost crowd={} what=\"walkable area\"", crowd_);
+      }
+      return;
+    }
+    queued_bytes_ += item.bytes;
+    queue_.push_back(std::move(item));
+  }
+  changed_.notify_all();
+}
+
+void Recording::run() {
+  const bool syncs = settings_.sync_every.count() > 0;
+  SteadyClock::time_point sync_at = SteadyClock::time_point::max();  // when something is unsynced
+  std::unique_lock lock(mutex_);
+  while (true) {
+    const auto is_due = [this] { return stop_ || !queue_.empty(); };
+    if (sync_at == SteadyClock::time_point::max()) {
+      changed_.wait(lock, is_due);
+    } else {
+      changed_.wait_until(lock, sync_at, is_due);
+    }
+    absl::Status status;
+    if (!queue_.empty()) {
+      const Item item = std::move(queue_.front());
+      queue_.pop_front();
+      is_writing_ = true;
+      lock.unlock();
+      if (!has_failed_) status = put(item);
+      lock.lock();
+      is_writing_ = false;
+      queued_bytes_ -= item.bytes;
+      const bool is_written = status.ok() && !has_failed_;
+      if (item.frame != nullptr) ++(is_written ? counters_.written_frames : counters_.lost_frames);
+      if (is_written && syncs && sync_at == SteadyClock::time_point::max()) {
+        sync_at = SteadyClock::now() + settings_.sync_every;
+      }
+    }
+    const bool ends = stop_ && queue_.empty();
+    const std::uint64_t lost = counters_.lost_frames;
+    changed_.notify_all();
+    if (status.ok() && !has_failed_ && (SteadyClock::now() >= sync_at || (ends && syncs))) {
+      lock.unlock();
+      status = writer_.sync();
+      lock.lock();
+      sync_at = SteadyClock::time_point::max();
+    }
+    if (!status.ok()) {
+      has_failed_ = true;
+      said_lost_ = lost;
+      sync_at = SteadyClock::time_point::max();
+      spdlog::error("event=recording_ended crowd={} error=\"{}\"", crowd_,
+                    std::string(status.message()));
+    } else if (lost != said_lost_ && !has_failed_ && queue_.empty()) {
+      spdlog::warn("event=recording_lost crowd={} frames={} why=\"the disk is too slow\"", crowd_,
+                   lost - said_lost_);
+      said_lost_ = lost;
+    }
+    if (ends) return;
+  }
+}
+
+absl::Status Recording::put(const Item& item) {
+  if (item.frame == nullptr) return writer_.set_walkable_area(item.wkt);
+  const render::AgentFrame& frame = *item.frame;
   if (frame.membership != membership_) {
     membership_ = frame.membership;
     writer_.set_members(membership_->ids, membership_->names);
@@ -22,27 +131,11 @@ void Recording::write(const render::AgentFrame& frame) {
       frame.position_m.empty() ? nullptr : &frame.position_m.front().x,
       3 * frame.position_m.size());
   const std::string before = writer_.path();
-  const absl::Status status =
-      writer_.write(frame.time_us, position_m, frame.heading_rad, frame.channels);
-  check(status);
-  if (!status.ok()) return;
-  last_us_ = frame.time_us;
-  has_frames_ = true;
-  if (writer_.path() != before) {
+  absl::Status status = writer_.write(frame.time_us, position_m, frame.heading_rad, frame.channels);
+  if (status.ok() && writer_.path() != before) {
     spdlog::info("event=recording crowd={} file=\"{}\"", crowd_, writer_.path());
   }
-}
-
-void Recording::set_walkable_area(const std::string& wkt) {
-  const std::lock_guard lock(mutex_);
-  if (!has_failed_) check(writer_.set_walkable_area(wkt));
-}
-
-void Recording::check(const absl::Status& status) {
-  if (status.ok()) return;
-  has_failed_ = true;
-  spdlog::error("event=recording_ended crowd={} error=\"{}\"", crowd_,
-                std::string(status.message()));
+  return status;
 }
 
 }  // namespace throng::server

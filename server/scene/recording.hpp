@@ -1,8 +1,13 @@
 #pragma once
 
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
 #include <memory>
 #include <mutex>
 #include <string>
+#include <thread>
 
 #include "throng/render/crowd.hpp"
 #include "throng/trajectory/recording.hpp"
@@ -10,30 +15,58 @@
 namespace throng::server {
 
 struct RecordSettings {
-  std::string folder;                                  // empty: nothing is recorded
-  std::uint64_t limit_bytes = std::uint64_t{4} << 30;  // of one crowd, all its runs together
+  std::string folder;                                   // empty: nothing is recorded
+  std::uint64_t limit_bytes = std::uint64_t{4} << 30;   // of one crowd, all its runs together
+  std::uint64_t queue_bytes = std::uint64_t{64} << 20;  // of one crowd: what may wait to be written
+  std::chrono::milliseconds sync_every{1000};           // what a loss of power may cost; 0: never
 };
 
-/// What one run's producers send, on its way to a file. The frame is written before the producer
-/// hears that it was applied. A disk that is full or broken ends the recording, is logged once and
-/// disturbs nobody. Thread safe.
+/// What one run's producers send, on its way to a file by a thread of its own: a slow disk delays
+/// nobody. What finds no room in the queue is not recorded, counted and logged; so is all that
+/// comes after the disk is full or broken. A process that is killed loses what waited, mostly
+/// nothing. Thread safe.
 class Recording {
  public:
-  Recording(const RecordSettings& settings, trajectory::RecordingSpec spec);
+  /// @param continues  the recording that goes on after a restart
+  Recording(RecordSettings settings, trajectory::RecordingSpec spec,
+            trajectory::RecordingEnd continues = {});
+  ~Recording();  // after all that waits was written and synced
 
-  /// A frame that the crowd has taken. One that is not newer than the last is left out.
+  /// A frame that the crowd has taken, newer than all before.
   void write(const render::AgentFrame& frame);
   void set_walkable_area(const std::string& wkt);
+  void wait_idle();  // until nothing waits
+
+  struct Counters {
+    std::uint64_t written_frames = 0, lost_frames = 0;
+  };
+  Counters counters() const;
 
  private:
-  void check(const absl::Status& status);
+  struct Item {
+    std::unique_ptr<const render::AgentFrame> frame;  // null: a walkable area
+    std::string wkt;
+    std::uint64_t bytes = 0;
+  };
+  void add(Item item);
+  void run();
+  absl::Status put(const Item& item);
 
+  const RecordSettings settings_;
   const std::string crowd_;
-  std::mutex mutex_;
+  // Of the thread alone:
   trajectory::RecordingWriter writer_;
   std::shared_ptr<const render::Membership> membership_;
-  std::int64_t last_us_ = 0;
-  bool has_frames_ = false, has_failed_ = false;
+  bool has_failed_ = false;
+  std::uint64_t said_lost_ = 0;
+  // Guarded by mutex_:
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<Item> queue_;
+  std::uint64_t queued_bytes_ = 0;
+  bool is_writing_ = false, stop_ = false;
+  Counters counters_;
+  std::thread thread_;
 };
 
 }  // namespace throng::server

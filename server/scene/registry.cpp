@@ -1,6 +1,7 @@
 #include "server/scene/registry.hpp"
 
 #include <absl/strings/str_cat.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <cmath>
@@ -118,6 +119,7 @@ CrowdReport NamedCrowd::report() const {
   }
   report.live = owner_ != 0;
   report.incomplete_frames = incomplete_frames_;
+  if (recording_ != nullptr) report.recorded = recording_->counters();
   const render::CrowdCounters counters = crowd_->counters();
   report.frames = counters.frames;
   report.late_frames = late_frames_ + counters.late_frames + counters.duplicate_frames;
@@ -226,6 +228,7 @@ absl::StatusOr<std::unique_ptr<Publication>> Registry::start(StartRequest reques
   if (absl::Status status = check(request, limits_); !status.ok()) return status;
   std::function<void()> revoked;
   std::unique_ptr<Publication> publication;
+  std::shared_ptr<Recording> ended;  // let go of outside the locks: it writes what waits
   {
     const std::lock_guard lock(mutex_);
     const auto found = crowds_.find(request.crowd_name);
@@ -255,35 +258,12 @@ absl::StatusOr<std::unique_ptr<Publication>> Registry::start(StartRequest reques
     revoked = std::move(named->on_revoked_);
     named->on_revoked_ = std::move(on_revoked);
     named->owner_ = ++last_publication_;
-    if (!continues) {
-      render::CrowdSettings settings;
-      settings.origin_world = request.origin_world;
-      settings.seed = request.seed;
-      settings.history_limit_bytes = limits_.max_history_bytes_per_crowd;
-      for (const ChannelInfo& channel : request.channels) {
-        settings.channel_names.push_back(channel.name);
-      }
-      // A Crowd of its own for each run: a frame that is being drawn keeps the old one alive.
-      named->recording_ = nullptr;
-      if (!record_.folder.empty()) {
-        named->recording_ = std::make_shared<Recording>(
-            record_, trajectory::RecordingSpec{request.crowd_name,
-                                               request.run_id,
-                                               request.producer,
-                                               {settings.origin_world.x, settings.origin_world.y,
-                                                settings.origin_world.z},
-                                               request.seed,
-                                               request.expected_rate_hz,
-                                               settings.channel_names});
-      }
-      named->crowd_ = std::make_shared<render::Crowd>(cast_, std::move(settings));
-      named->clock_.start(request.expected_rate_hz);
-      named->overview_.forget();
-      named->walkable_area_wkt_.clear();
-      named->incomplete_frames_ = 0;
-      named->late_frames_ = 0;
+    if (continues) {
+      named->start_ = std::move(request);
+    } else {
+      ended = std::move(named->recording_);
+      begin_run(*named, std::move(request));
     }
-    named->start_ = std::move(request);
     publication.reset(
         new Publication(now_, limits_.max_environment_bytes, environments_, named, named->owner_));
     crowds_[named->name()] = named;
@@ -291,6 +271,125 @@ absl::StatusOr<std::unique_ptr<Publication>> Registry::start(StartRequest reques
   // Outside the locks: it ends a stream, which may let go of that stream's publication.
   if (revoked) revoked();
   return publication;
+}
+
+void Registry::begin_run(NamedCrowd& named, StartRequest request) {
+  render::CrowdSettings settings;
+  settings.origin_world = request.origin_world;
+  settings.seed = request.seed;
+  settings.history_limit_bytes = limits_.max_history_bytes_per_crowd;
+  trajectory::RecordingSpec spec{
+      request.crowd_name,
+      request.run_id,
+      request.producer,
+      {request.origin_world.x, request.origin_world.y, request.origin_world.z},
+      request.seed,
+      request.expected_rate_hz,
+      {},
+      {}};
+  for (const ChannelInfo& channel : request.channels) {
+    settings.channel_names.push_back(channel.name);
+    spec.channel_names.push_back(channel.name);
+    spec.channel_units.push_back(channel.unit);
+  }
+  named.recording_ = nullptr;
+  if (!record_.folder.empty()) {
+    named.recording_ = std::make_shared<Recording>(record_, std::move(spec));
+  }
+  // A Crowd of its own for each run: a frame that is being drawn keeps the old one alive.
+  named.crowd_ = std::make_shared<render::Crowd>(cast_, std::move(settings));
+  named.clock_.start(request.expected_rate_hz);
+  named.overview_.forget();
+  named.walkable_area_wkt_.clear();
+  named.incomplete_frames_ = 0;
+  named.late_frames_ = 0;
+  named.start_ = std::move(request);
+}
+
+void Registry::resume() {
+  for (const std::string& name : trajectory::recorded_crowds(record_.folder)) {
+    const std::lock_guard lock(mutex_);
+    if (crowds_.count(name) != 0 || !check_crowd_name(name).ok()) continue;
+    if (crowds_.size() >= limits_.max_crowds) {
+      spdlog::warn("event=not_resumed crowd={} why=\"{} crowds, which is the limit\"", name,
+                   crowds_.size());
+      continue;
+    }
+    absl::Status status = resume_crowd(name);
+    if (!status.ok()) {
+      spdlog::warn("event=not_resumed crowd={} why=\"{}\"", name, std::string(status.message()));
+    }
+  }
+}
+
+absl::Status Registry::resume_crowd(const std::string& name) {
+  auto named = std::make_shared<NamedCrowd>(name, playout_);
+  const std::lock_guard lock(named->mutex_);
+  std::shared_ptr<render::Membership> membership;
+  render::AgentFrame pushed;
+  const auto take = [&](const trajectory::RecordingSpec& spec, const trajectory::Frame& frame,
+                        const trajectory::Reader& reader) -> absl::Status {
+    if (named->crowd_ == nullptr) {
+      StartRequest request;
+      request.crowd_name = name;
+      request.run_id = spec.run_id;
+      request.producer = spec.producer;
+      request.origin_world = {spec.origin_m[0], spec.origin_m[1], spec.origin_m[2]};
+      request.seed = spec.seed;
+      request.expected_rate_hz = spec.rate_hz;
+      for (std::size_t i = 0; i < spec.channel_names.size(); ++i) {
+        request.channels.push_back(
+            {spec.channel_names[i], i < spec.channel_units.size() ? spec.channel_units[i] : ""});
+      }
+      if (absl::Status status = check(request, limits_); !status.ok()) return status;
+      begin_run(*named, std::move(request));
+    }
+    const std::size_t agents = frame.ids.size();
+    if (membership == nullptr || membership->ids != frame.ids) {
+      membership = std::make_shared<render::Membership>();
+      membership->ids = frame.ids;
+      bool has_names = false;
+      for (const std::uint64_t id : frame.ids) {
+        membership->names.push_back(reader.agent_name(id));
+        has_names = has_names || !membership->names.back().empty();
+      }
+      if (!has_names) membership->names.clear();
+      pushed.membership = membership;
+    }
+    pushed.time_us = frame.time_us;
+    pushed.position_m.resize(agents);
+    const glm::dvec3& origin = named->start_.origin_world;
+    for (std::size_t i = 0; i < agents; ++i) {
+      const double z = frame.z_m.empty() ? 0.0 : frame.z_m[i];
+      pushed.position_m[i] = glm::vec3(glm::dvec3(frame.x_m[i], frame.y_m[i], z) - origin);
+    }
+    pushed.heading_rad = frame.heading_rad;
+    pushed.channels = frame.channels;
+    return named->crowd_->push(pushed);
+  };
+  const absl::StatusOr<trajectory::RecordedRun> run =
+      trajectory::read_last_run(record_.folder, name, limits_.max_history_bytes_per_crowd, take);
+  if (!run.ok()) return run.status();
+  for (const std::string& note : run->notes) {
+    spdlog::warn("event=resumed_without crowd={} what=\"{}\"", name, note);
+  }
+  // Now that its end is known.
+  if (named->recording_ != nullptr) {
+    named->recording_ = std::make_shared<Recording>(record_, run->spec, run->end);
+    if (!run->walkable_area_wkt.empty()) {
+      named->recording_->set_walkable_area(run->walkable_area_wkt);
+    }
+  }
+  named->clock_.on_frame(pushed.time_us, now_());
+  if (!run->walkable_area_wkt.empty()) {
+    absl::Status status = environments_->build(name, named->crowd_, run->walkable_area_wkt);
+    if (!status.ok()) return status;
+    named->walkable_area_wkt_ = run->walkable_area_wkt;
+  }
+  spdlog::info("event=resumed crowd={} frames={} newest_s={:.3f} run_id={}", name, run->frames,
+               1e-6 * static_cast<double>(pushed.time_us), run->spec.run_id);
+  crowds_[name] = named;
+  return absl::OkStatus();
 }
 
 absl::StatusOr<std::shared_ptr<NamedCrowd>> Registry::find(const std::string& name) const {

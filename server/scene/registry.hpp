@@ -55,6 +55,7 @@ struct CrowdReport {
   std::uint64_t late_frames = 0;
   std::uint64_t incomplete_frames = 0;
   std::uint64_t history_bytes = 0;
+  Recording::Counters recorded;
   WorldBox box;
 };
 
@@ -166,6 +167,11 @@ class Registry {
   absl::StatusOr<std::unique_ptr<Publication>> start(StartRequest request,
                                                      std::function<void()> on_revoked);
 
+  /// Brings back what was recorded last of each crowd, as much as its history holds: viewers can
+  /// look at it, and a producer that comes back with its run_id goes on with the run and its
+  /// recording. Called before anything else; what cannot be read is logged and left out.
+  void resume();
+
   /// NotFound names the crowd.
   absl::StatusOr<std::shared_ptr<NamedCrowd>> find(const std::string& name) const;
   std::vector<CrowdReport> list() const;
@@ -174,6 +180,9 @@ class Registry {
   const Limits& limits() const { return limits_; }
 
  private:
+  void begin_run(NamedCrowd& named, StartRequest request);
+  absl::Status resume_crowd(const std::string& name);
+
   std::shared_ptr<EnvironmentBuilder> environments_ = std::make_shared<EnvironmentBuilder>();
   std::shared_ptr<const render::Cast> cast_;
   Limits limits_;

@@ -106,6 +106,10 @@ std::string metrics_text(Services& services, std::size_t web_connections) {
        [](const CrowdReport& crowd) { return crowd.late_frames; });
   each("throng_ingest_incomplete_frames_total", "counter", "Agent frames that missed chunks.",
        [](const CrowdReport& crowd) { return crowd.incomplete_frames; });
+  each("throng_recorded_frames_total", "counter", "Agent frames written to the recording.",
+       [](const CrowdReport& crowd) { return crowd.recorded.written_frames; });
+  each("throng_unrecorded_frames_total", "counter", "Agent frames that the recording lost.",
+       [](const CrowdReport& crowd) { return crowd.recorded.lost_frames; });
 
   out.single("process_cpu_seconds_total", "counter", "User and system time.", cpu_seconds());
   out.single("process_resident_memory_bytes", "gauge", "Resident memory.", resident_bytes());

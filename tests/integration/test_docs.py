@@ -103,7 +103,7 @@ def station(place):
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     while True:  # until the file's 15 seconds are there
         crowds = json.loads(run(place, "throng crowds --json", url=url).stdout)["crowds"]
-        if crowds and float(crowds[0].get("newest_s", crowds[0].get("newest_time_s", 99))) > 13:
+        if crowds and int(crowds[0]["newest_time_us"]) > 13e6:
             break
         assert publisher.poll() is None
     yield url

@@ -3,6 +3,7 @@
 import json
 import re
 import subprocess
+import time
 
 import numpy as np
 import pytest
@@ -16,9 +17,9 @@ def server(tmp_path):
     """A server with a page's worth of flags; `kill` is a real kill -9."""
     running = []
 
-    def start(*flags):
+    def start(*flags, listen="127.0.0.1:0"):
         process = subprocess.Popen(
-            [str(BUILD / "bin/throng-server"), "--listen", "127.0.0.1:0", "--log-level", "off", *map(str, flags)],
+            [str(BUILD / "bin/throng-server"), "--listen", listen, "--log-level", "off", *map(str, flags)],
             stdout=subprocess.PIPE, text=True)
         running.append(process)
         for line in process.stdout:
@@ -47,10 +48,26 @@ def walk(url, frames, agents=300, noise_m=0.0):
     return sent
 
 
-def test_killed_server_leaves_every_frame_that_was_applied(server, program, tmp_path):
+def crowd_at(program, url):
+    """The only crowd of a server, or nothing."""
+    crowds = json.loads(program("throng", "crowds", "--json", THRONG_URL=url).stdout)["crowds"]
+    numbers = ("frames", "recorded_frames", "unrecorded_frames", "oldest_time_us")
+    return {**crowds[0], **{name: int(crowds[0][name]) for name in numbers}} if crowds else {}
+
+
+def until(condition):
+    end = time.monotonic() + 60  # only bounds how long a broken server hangs
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_killed_server_leaves_every_frame_that_was_recorded(server, program, tmp_path):
     folder = tmp_path / "runs"
     process, url = server("--record", folder)
     sent = walk(url, 60)
+    until(lambda: crowd_at(program, url)["recorded_frames"] == 60)
+    assert crowd_at(program, url)["unrecorded_frames"] == 0
     process.kill()  # SIGKILL
     process.wait()
 
@@ -73,6 +90,37 @@ def test_killed_server_leaves_every_frame_that_was_applied(server, program, tmp_
         at = of_step[np.argsort(of_step["id"])]
         assert np.abs(np.stack([at["x_m"], at["y_m"]], axis=1) - sent[step]).max() < 1e-4
         assert (at["mood"] == step).all()
+
+
+def test_killed_server_has_its_crowd_again_and_the_producer_goes_on(server, program, tmp_path):
+    flags = ("--record", tmp_path / "runs", "--record-sync-ms", "50")
+    process, url = server(*flags)
+    ids, at = np.arange(1, 51), np.zeros((50, 2))
+    with throng.connect(url, "hall") as crowd:
+        for step in range(40):
+            crowd.publish(t=step * 0.1, ids=ids, positions=at + 0.1 * step)
+        until(lambda: crowd_at(program, url).get("recorded_frames") == 40)
+        process.kill()  # SIGKILL, under the producer
+        process.wait()
+        process, _ = server(*flags, listen=url)
+        back = crowd_at(program, url)
+        assert (back["frames"], back["oldest_time_us"], back["agents"]) == (40, 0, 50), "before anybody sends"
+        step = 40
+        while crowd_at(program, url)["frames"] < 50:
+            crowd.publish(t=step * 0.1, ids=ids, positions=at + 0.1 * step)
+            step += 1
+            time.sleep(0.01)
+        now = crowd_at(program, url)
+        assert now["oldest_time_us"] == 0, "the history goes back to before the kill"
+        assert crowd.close(60.0), crowd.stats
+    process.terminate()
+    assert process.wait() == 0
+    first = min((tmp_path / "runs").iterdir())
+    info = json.loads(program("throng", "info", first, "--json").stdout)
+    assert info["frames"] >= 50, "one recording from before the kill on"
+
+    _, url = server(*flags, "--fresh")
+    assert crowd_at(program, url) == {}
 
 
 def test_recording_is_played_again_by_publish(server, program, tmp_path):

@@ -34,6 +34,7 @@ class RecordingTest : public FileTest {
     spec.origin_m = {692'000.0, 5'337'000.0, 500.0};
     spec.seed = 11;
     spec.channel_names = {"mood"};
+    spec.channel_units = {"1"};
     return spec;
   }
   static float x_at(std::uint64_t id, int frame) {
@@ -171,6 +172,61 @@ TEST_F(RecordingTest, KeepsToItsLimitAndReadsOnFromPartToPart) {
   ASSERT_GT(reading.frames.size(), 500U) << "it goes on in the parts after it";
   EXPECT_NEAR(reading.frames.back().x_m[0], 692'000.0 + static_cast<double>(x_at(2, 2999)), 0.6e-4);
   EXPECT_TRUE(std::filesystem::exists(other));
+}
+
+TEST_F(RecordingTest, ARunGoesOnBehindWhatAKillTore) {
+  const std::string first = recorded(8);
+  write(std::filesystem::path(first).filename().string(), bytes_of(first) + "FRAM torn");
+  std::vector<std::int64_t> times;
+  const auto take = [&](const RecordingSpec& spec, const Frame& frame, const Reader& reader) {
+    EXPECT_EQ(spec.seed, 11U);
+    EXPECT_EQ(reader.agent_name(3), "p3");
+    times.push_back(frame.time_us);
+    return absl::OkStatus();
+  };
+  absl::StatusOr<RecordedRun> run = read_last_run(path(""), "hall", 1u << 30, take);
+  ASSERT_TRUE(run.ok()) << run.status();
+  EXPECT_EQ(run->frames, 8U);
+  EXPECT_EQ(times.front(), 1'000'000) << "as the producer sent it";
+  EXPECT_EQ(run->spec.producer, "test");
+  EXPECT_EQ(run->spec.channel_units, std::vector<std::string>{"1"});
+  EXPECT_THAT(run->walkable_area_wkt, HasSubstr("POLYGON"));
+  EXPECT_EQ(run->end.path, first);
+  // A part that was killed before its first frame is passed over.
+  std::string empty = first;
+  empty.replace(empty.size() - 6, 1, "2");
+  std::ofstream(empty) << "THRONG";
+  {
+    RecordingWriter writer(path(""), run->spec, 1u << 30, run->end);
+    write_frames(writer, 8, 12, 20);
+    EXPECT_TRUE(writer.sync().ok());
+    EXPECT_THAT(writer.path(), HasSubstr(".0003.trec"));
+  }
+  const Reading whole = read_all(first);
+  ASSERT_TRUE(whole.status.ok()) << whole.status;
+  EXPECT_EQ(whole.frames.size(), 12U) << "one recording from the first part on";
+  EXPECT_TRUE(whole.info.notes.empty());
+  times.clear();
+  run = read_last_run(path(""), "hall", 1, take);
+  ASSERT_TRUE(run.ok()) << run.status();
+  EXPECT_THAT(times, ElementsAre(1'800'000, 1'900'000, 2'000'000, 2'100'000)) << "the last part";
+  EXPECT_THAT(recorded_crowds(path("")), ElementsAre("hall"));
+  EXPECT_EQ(read_last_run(path(""), "hal", 1, take).status().code(), absl::StatusCode::kNotFound);
+}
+
+TEST_F(RecordingTest, WhatIsDamagedInItsMiddleIsNotCut) {
+  const std::string part = recorded(8);
+  std::string bytes = bytes_of(part);
+  bytes[bytes.size() / 2] ^= 4;
+  write(std::filesystem::path(part).filename().string(), bytes);
+  const absl::StatusOr<RecordedRun> run =
+      read_last_run(path(""), "hall", 1u << 30,
+                    [](const auto&, const auto&, const auto&) { return absl::OkStatus(); });
+  ASSERT_TRUE(run.ok()) << run.status();
+  EXPECT_LT(run->frames, 8U);
+  EXPECT_TRUE(run->end.path.empty());
+  ASSERT_FALSE(run->notes.empty());
+  EXPECT_THAT(run->notes.back(), HasSubstr("damaged"));
 }
 
 TEST_F(RecordingTest, WhatCannotBeWrittenEndsItWithOneError) {

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <utility>
 
@@ -211,22 +212,33 @@ class RegistryRecordingTest : public RegistryTest {
     return found;
   }
 
+  std::unique_ptr<Registry> started() {
+    RecordSettings settings;
+    settings.folder = folder.file("");
+    settings.limit_bytes = 1u << 20;
+    return std::make_unique<Registry>(
+        tiny_cast(), limits, PlayoutSettings(), [this] { return now; }, settings);
+  }
+
   test::TemporaryFolder folder;
-  Registry recording{tiny_cast(), limits, {}, [this] { return now; }, {folder.file(""), 1u << 20}};
+  std::unique_ptr<Registry> recording = started();
 };
 
 TEST_F(RegistryRecordingTest, KeepsWhatWasAppliedAcrossAReconnect) {
   StartRequest request = start_of("hall", "run");
   request.origin_world = {1000.0, 0.0, 0.0};
-  auto first = *recording.start(request, [] {});
+  auto first = *recording->start(request, [] {});
   ASSERT_TRUE(first->set_walkable_area("POLYGON ((0 0, 1 0, 1 1, 0 0))").ok());
   EXPECT_TRUE(files().empty()) << "a run without frames leaves no file";
   ASSERT_TRUE(first->push(frame_of(0, {{1, 2, 0}})).ok());
   EXPECT_FALSE(first->push(frame_of(50'000, {{1e9F, 2, 0}})).ok());
-  auto again = *recording.start(request, [] {});
+  auto again = *recording->start(request, [] {});
   EXPECT_EQ(*again->push(frame_of(0, {{5, 5, 0}})), PushOutcome::kLate);
   ASSERT_TRUE(again->push(frame_of(100'000, {{1.5F, 2, 0}, {7, 7, 0}})).ok());
 
+  again.reset();
+  first.reset();
+  recording.reset();  // writes what waits
   ASSERT_EQ(files().size(), 1U);
   auto reader = trajectory::open(files()[0]);
   ASSERT_TRUE(reader.ok()) << reader.status();
@@ -241,20 +253,105 @@ TEST_F(RegistryRecordingTest, KeepsWhatWasAppliedAcrossAReconnect) {
 }
 
 TEST_F(RegistryRecordingTest, AnotherRunGetsAnotherFile) {
-  auto first = *recording.start(start_of("hall", "one"), [] {});
+  auto first = *recording->start(start_of("hall", "one"), [] {});
   ASSERT_TRUE(first->push(frame_of(0, {{1, 2, 0}})).ok());
   StartRequest request = start_of("hall", "two");
   request.take_over = true;
-  auto second = *recording.start(request, [] {});
+  auto second = *recording->start(request, [] {});
   ASSERT_TRUE(second->push(frame_of(0, {{1, 2, 0}})).ok());
+  first.reset();
+  second.reset();
+  recording.reset();
   EXPECT_EQ(files().size(), 2U);
 }
 
-TEST_F(RegistryRecordingTest, ABrokenDiskDisturbsNobody) {
-  Registry broken(tiny_cast(), limits, {}, [this] { return now; }, {folder.file("gone"), 1u << 20});
+TEST_F(RegistryRecordingTest, BringsTheLastRunBackAndGoesOnWithIt) {
+  StartRequest request = start_of("hall", "run");
+  request.origin_world = {1000.0, 0.0, 50.0};
+  request.channels = {{"mood", "1"}};
+  auto producer = *recording->start(request, [] {});
+  ASSERT_TRUE(producer->set_walkable_area("POLYGON ((0 0, 1 0, 1 1, 0 0))").ok());
+  for (int i = 0; i < 3; ++i) {
+    render::AgentFrame frame = frame_of(100'000 * i, {{1.0F + static_cast<float>(i), 2, 0}});
+    frame.channels = {{0.5F}};
+    ASSERT_TRUE(producer->push(frame).ok());
+  }
+  producer.reset();
+
+  recording.reset();
+  recording = started();
+  EXPECT_TRUE(recording->list().empty());
+  recording->resume();
+  ASSERT_EQ(recording->list().size(), 1U);
+  CrowdReport report = recording->list()[0];
+  EXPECT_FALSE(report.live);
+  EXPECT_EQ(report.frames, 3U);
+  EXPECT_EQ(report.newest_time_us, 200'000);
+  EXPECT_EQ(report.run_id, "run");
+  EXPECT_EQ(report.channels.at(0).unit, "1");
+  EXPECT_EQ(report.walkable_area_wkt, "POLYGON ((0 0, 1 0, 1 1, 0 0))");
+  EXPECT_NEAR(report.box.low.x, 1003.0, 1e-4);
+  EXPECT_NEAR(report.box.low.z, 50.0, 1e-4);
+  EXPECT_EQ((*recording->find("hall"))->moment(now + std::chrono::seconds(9)).scene_time_us,
+            200'000);
+
+  auto again = *recording->start(request, [] {});
+  EXPECT_EQ(*again->push(frame_of(200'000, {{9, 9, 0}})), PushOutcome::kLate);
+  EXPECT_EQ(*again->push(frame_of(300'000, {{4, 2, 0}})), PushOutcome::kApplied);
+  EXPECT_EQ(recording->list()[0].frames, 4U);
+  EXPECT_EQ(recording->list()[0].oldest_time_us, 0);
+  again.reset();
+  recording.reset();
+  std::vector<std::string> parts = files();
+  std::sort(parts.begin(), parts.end());
+  ASSERT_EQ(parts.size(), 2U);
+  const auto summary = trajectory::summarize(parts[0]);
+  ASSERT_TRUE(summary.ok()) << summary.status();
+  EXPECT_EQ(summary->frames, 4U) << "one recording of the whole run";
+
+  // Another run begins anew, in a recording of its own.
+  recording = started();
+  recording->resume();
+  auto other = *recording->start(start_of("hall", "other"), [] {});
+  ASSERT_TRUE(other->push(frame_of(0, {{1, 1, 0}})).ok());
+  EXPECT_EQ(recording->list()[0].frames, 1U);
+  other.reset();
+  recording.reset();
+  EXPECT_EQ(files().size(), 3U);
+}
+
+TEST_F(RegistryRecordingTest, ABrokenDiskDisturbsNobodyAndEveryLossIsCounted) {
+  RecordSettings settings;
+  settings.folder = folder.file("gone");
+  Registry broken(
+      tiny_cast(), limits, {}, [this] { return now; }, settings);
   auto producer = *broken.start(start_of("hall", "one"), [] {});
   EXPECT_TRUE(producer->push(frame_of(0, {{1, 2, 0}})).ok());
   EXPECT_TRUE(producer->push(frame_of(1, {{1, 2, 0}})).ok());
+}
+
+TEST_F(RegistryRecordingTest, AFullQueueLosesFramesOfTheRecordingAndCountsThem) {
+  RecordSettings settings;
+  settings.folder = folder.file("gone");
+  settings.queue_bytes = 1;
+  Recording broken(settings, {});
+  for (int i = 0; i < 50; ++i) broken.write(frame_of(i, {{1, 2, 0}}));
+  broken.wait_idle();
+  EXPECT_EQ(broken.counters().lost_frames, 50U);
+  EXPECT_EQ(broken.counters().written_frames, 0U);
+
+  settings.folder = folder.file("");
+  trajectory::RecordingSpec spec;
+  spec.crowd = "queue";
+  {
+    Recording narrow(settings, spec);
+    for (int i = 0; i < 50; ++i) narrow.write(frame_of(i, {{1, 2, 0}}));
+    narrow.wait_idle();
+    const Recording::Counters counters = narrow.counters();
+    EXPECT_GE(counters.written_frames, 1U);
+    EXPECT_EQ(counters.written_frames + counters.lost_frames, 50U);
+  }
+  ASSERT_EQ(files().size(), 1U);
 }
 
 }  // namespace
