@@ -6,7 +6,7 @@
  *   orthoHeightM?: number}} CameraMessage
  * @typedef {{name: string, unit?: string}} Channel
  * @typedef {{name: string, agents?: number, live?: boolean, producer?: string, viewers?: number,
- *   oldestTimeUs?: string, newestTimeUs?: string, low: Vec3Message, high: Vec3Message,
+ *   oldestTimeUs?: string, newestTimeUs?: string, frames?: string, low: Vec3Message, high: Vec3Message,
  *   channels?: Channel[], runId?: string}} CrowdInfo
  * @typedef {{live?: boolean, sceneTimeUs?: string, paused?: boolean, speed?: number,
  *   stepFrames?: number}} Playback

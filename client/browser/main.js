@@ -51,7 +51,7 @@ let server = {limits: {}};
 /** @type {any} */
 let pending = null;           // options to send with the next frame of this page
 let needsView = true;         // the server does not know of this view
-let lastStamp = 0, lastPlaybackStamp = 0;
+let lastStamp = 0, lastPlaybackStamp = 0, lastFollowStamp = 0;
 let rangeIsAuto = false;
 let shownCamera = new OrbitCamera();
 let linkTimer = 0;
@@ -76,6 +76,7 @@ function flush() {
   if (!options || !state.crowd) return;
   lastStamp = Math.max(lastStamp + 1, Math.round(performance.now() * 1000));
   if (options.playback) lastPlaybackStamp = lastStamp;
+  if (options.followAgent) lastFollowStamp = lastStamp;
   connection.send({view: {options: {...options, stamp: String(lastStamp)}}});
 }
 
@@ -160,18 +161,16 @@ function glide(goal, then) {
 connection.onFrame = (header, image) => view.take(header, image);
 
 view.accepts = header => {
-  // The agent has left: the camera would jump to where it last stood on its own.
-  if (state.follow && !header.followedAgent && view.header?.followedAgent === state.follow &&
-      Number(header.stamp ?? 0) >= lastPlaybackStamp) {
-    const gone = state.follow;
-    stopFollowing();
-    toast(`Agent ${gone} is not there at this time`);
-    return false;
-  }
-  return true;
+  const stamp = Number(header.stamp ?? 0);
+  if (!state.follow || header.followedAgent || stamp < lastPlaybackStamp || stamp < lastFollowStamp) return true;
+  const gone = state.follow, wasThere = view.header?.followedAgent === gone;
+  stopFollowing();
+  toast(`No agent ${gone} in '${state.crowd}' at this time: nobody is followed`, true);
+  return !wasThere;  // the camera would jump to where it last stood on its own
 };
 
 view.onShown = header => {
+  byId('waiting').hidden = true;
   state.timeUs = Number(header.sceneTimeUs ?? 0);
   if (header.playback && Number(header.stamp ?? 0) >= lastPlaybackStamp) {
     state.isLive = header.playback.live === true;
@@ -246,6 +245,7 @@ function openCrowd(name) {
     if (link.low !== null && link.high !== null) [state.low, state.high] = [link.low, link.high];
     if (link.show.length) state.show = new Set(link.show);
     lastPlaybackStamp = 0;
+    lastFollowStamp = Infinity;  // until it is sent
     trails.clear();
     view.clear();
   }
@@ -253,6 +253,7 @@ function openCrowd(name) {
   byId('crowd-name').textContent = name;
   document.title = `${name} · throng`;
   byId('start').hidden = true;
+  showWaiting();
   showDisplay();
   askAll();
   saveLink();
@@ -265,6 +266,7 @@ async function refreshCrowds() {
   crowds = answer.listCrowds.crowds ?? [];
   showCrowds(byId('crowd-list'), crowds, state.crowd, openCrowd);
   showChannels();
+  showWaiting();
   if (!state.crowd) {
     showStart();
   } else if (!crowds.some(crowd => crowd.name === state.crowd)) {
@@ -283,6 +285,15 @@ function showBanner(text) {
   byId('banner-retry').hidden = connection.state === 'open';
 }
 
+/** What the page waits for while it has no picture to show. */
+function showWaiting() {
+  byId('waiting').hidden = view.header !== null || !byId('start').hidden;
+  byId('waiting-text').textContent = connection.state !== 'open' ? `Connecting to ${location.host}…`
+      : !state.crowd ? 'Looking for crowds…'
+      : !currentCrowd() || Number(currentCrowd()?.frames ?? 0) > 0 ? `Waiting for the first picture of '${state.crowd}'…`
+      : `Waiting for the first agents of '${state.crowd}': its producer has sent none yet…`;
+}
+
 /** The first screen, while there is nothing to show. */
 function showStart() {
   const wanted = crowds.find(crowd => crowd.name === wantsLink.crowd);
@@ -292,11 +303,13 @@ function showStart() {
   }
   byId('start').hidden = false;
   byId('token-form').hidden = true;
+  byId('waiting').hidden = true;
   showCrowds(byId('start-list'), crowds, '', openCrowd);
-  byId('start-text').textContent = crowds.length ? 'Choose a crowd to watch.'
-      : wantsLink.crowd ? `Waiting for the crowd '${wantsLink.crowd}'…` : 'No crowd yet. Publish one and it shows here by itself:';
+  const missing = wantsLink.crowd ? `There is no crowd '${wantsLink.crowd}' here. It opens by itself when it comes` : '';
+  byId('start-text').textContent = crowds.length ? (missing ? `${missing}; these are here:` : 'Choose a crowd to watch.')
+      : missing ? `${missing}; no other is here.` : 'No crowd yet. Publish one and it shows here by itself:';
   const code = byId('start-code');
-  code.hidden = crowds.length > 0;
+  code.hidden = crowds.length > 0 || missing !== '';
   code.firstElementChild.textContent = 'import throng\n\nwith throng.connect(url, "station") as pub:\n    for step in range(600):        # your simulator\n        pub.publish(t=step * 0.1, ids=ids, positions=xy)';
 }
 
@@ -441,6 +454,7 @@ async function click(x, y) {
   stopFollowing(true);
   glide(goal, () => {
     state.follow = agent.id;
+    lastFollowStamp = Infinity;
     ask({followAgent: agent.id, ...overlayOptions()});
     saveLink();
   });
@@ -552,7 +566,13 @@ function saveLink() {
 window.addEventListener('hashchange', () => {
   wantsLink = parseLink(location.hash);
   state.crowd = state.crowd && wantsLink.crowd === state.crowd ? '' : state.crowd;
-  if (wantsLink.crowd) openCrowd(wantsLink.crowd);
+  if (crowds.some(crowd => crowd.name === wantsLink.crowd)) {
+    openCrowd(wantsLink.crowd);
+  } else if (wantsLink.crowd) {
+    state.crowd = '';
+    view.clear();
+    showStart();
+  }
 });
 
 // ---- connection
@@ -567,6 +587,7 @@ connection.onState = async stateNow => {
     byId('token-form').hidden = false;
     byId('token').focus();
   }
+  showWaiting();
   if (stateNow !== 'open') return;
   try {
     server = (await connection.ask({getServerInfo: {}})).getServerInfo;
@@ -716,4 +737,5 @@ setInterval(() => { refreshCrowds().catch(() => {}); }, 2500);
 
 // For measurements from outside.
 /** @type {any} */ (window).throngView = view;
+showWaiting();
 connection.open();

@@ -141,8 +141,8 @@ def test_recording_is_played_again_by_publish(server, program, tmp_path):
 def test_recording_keeps_to_its_limit(server, tmp_path):
     process, url = server("--record", tmp_path / "runs", "--record-mib", "1")
     walk(url, 100, agents=4000, noise_m=0.05)
-    process.kill()
-    process.wait()
+    process.terminate()  # writes what waits
+    assert process.wait() == 0
     parts = sorted((tmp_path / "runs").iterdir())
     assert len(parts) > 2
     assert not parts[0].name.endswith(".0001.trec"), "the oldest was removed"
@@ -164,6 +164,7 @@ def test_site_of_a_published_file_is_kept_with_it(server, program, tmp_path):
     done = program("throng", "publish", "walk.csv", "--crowd", "hall", "--environment", "hall.scenario", "--rate", "100",
                    THRONG_URL=url)
     assert done.returncode == 0, done.stderr
+    until(lambda: crowd_at(program, url)["recorded_frames"] == 2)
     (tmp_path / "bad.json").write_text("{}")
     bad = program("throng", "publish", "walk.csv", "--crowd", "bad", "--environment", "bad.json", "--wait", "2", THRONG_URL=url)
     assert bad.returncode != 0 and "neither" in bad.stderr

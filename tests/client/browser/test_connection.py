@@ -37,7 +37,7 @@ def test_waits_for_a_crowd_then_lets_choose(tab, own_server, walk_file):
         tab.wait("document.getElementById('crowd-name').textContent === 'square'")
     else:  # the first was there alone for a moment
         tab.click_on("#crowd-button")
-        tab.wait("document.querySelector('#crowd-list [data-crowd=square]')")
+        tab.wait("!!document.querySelector('#crowd-list [data-crowd=square]')")
         tab.click_on("#crowd-list [data-crowd=square]")
     tab.wait("document.getElementById('crowd-name').textContent === 'square' && document.body.dataset.frame")
     assert tab.evaluate("document.getElementById('start').hidden")
@@ -67,6 +67,47 @@ def test_comes_back_by_itself_after_a_restart(tab, own_server, walk_file):
     producer.stop()
     # That the server did not answer is all there is to tell.
     assert [error for error in tab.errors if "WebSocket" not in error] == []
+
+
+def test_an_unknown_crowd_is_named_with_those_there_are(tab, own_server, walk_file):
+    server = own_server()
+    tab.open(server.page + "#crowd=nosuch")
+    tab.wait("document.getElementById('start-text').textContent.includes(\"no crowd 'nosuch' here\")")
+    assert "no other is here" in tab.evaluate("document.getElementById('start-text').textContent")
+    producer = Producer(server, walk_file, "hall")
+    tab.wait("!!document.querySelector('#start-list [data-crowd=hall]')")
+    assert "these are here" in tab.evaluate("document.getElementById('start-text').textContent")
+    late = Producer(server, walk_file, "nosuch")
+    tab.wait("document.getElementById('crowd-name').textContent === 'nosuch' && document.body.dataset.frame")
+    assert tab.evaluate("document.getElementById('start').hidden")
+    # The same by a changed address.
+    tab.evaluate("location.hash = '#crowd=nothing'")
+    tab.wait("!document.getElementById('start').hidden && "
+             "document.getElementById('start-text').textContent.includes(\"no crowd 'nothing' here\")")
+    tab.click_on("#start-list [data-crowd=hall]")
+    tab.wait("document.getElementById('crowd-name').textContent === 'hall' && document.getElementById('start').hidden")
+    for one in (producer, late):
+        one.stop()
+    assert tab.errors == []
+
+
+def test_says_what_it_waits_for_until_the_first_picture(tab, own_server, walk_file):
+    server = own_server()
+    tab.call("Page.addScriptToEvaluateOnNewDocument", source="""
+        window.said = [];
+        new MutationObserver(() => {
+            const line = document.getElementById('waiting');
+            if (line && !line.hidden) said.push(line.textContent);
+        }).observe(document, {subtree: true, childList: true, attributes: true, characterData: true});""")
+    producer = Producer(server, walk_file, "hall")
+    tab.open(server.page)
+    tab.wait("document.body.dataset.frame")
+    tab.wait("document.getElementById('waiting').hidden")
+    said = tab.evaluate("said")
+    assert any(line.startswith("Connecting to 127.0.0.1:") for line in said), said
+    assert any(line.startswith("Waiting for the first ") and "'hall'" in line for line in said), said
+    producer.stop()
+    assert tab.errors == []
 
 
 def test_asks_for_a_token(tab, own_server, walk_file, tmp_path):

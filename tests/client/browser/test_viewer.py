@@ -1,9 +1,12 @@
 """The page in a real browser: what a viewer sees and does."""
 
+import base64
 import json
 import math
+import struct
 
 import devtools
+import pytest
 
 PIXELS = """(() => {
     const canvas = document.getElementById('picture'), counts = new Map();
@@ -14,13 +17,19 @@ PIXELS = """(() => {
     }
     return [canvas.width, canvas.height, counts.size]; })()"""
 NEWEST = "Number(document.getElementById('timeline').getAttribute('aria-valuemax'))"
-PICTURE = """(() => {
-    const canvas = document.getElementById('picture');
-    const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
-    let sum = 7;
-    for (let i = 0; i < data.length; i += 4) sum = (sum * 31 + data[i] + 256 * data[i + 1]) >>> 0;
-    return sum; })()"""
 FRAME = "Number(document.body.dataset.frame)"
+
+
+def kept_picture(page):
+    """Keeps what is on the canvas; gives an expression: how many pixels are others now."""
+    page.evaluate("""(() => {
+        const canvas = document.getElementById('picture');
+        const pixels = () => new Uint32Array(canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.buffer);
+        const kept = pixels();
+        window.changedPixels = () => { const now = pixels(); let n = 0;
+            for (let i = 0; i < now.length; i++) n += now[i] !== kept[i]; return n; };
+        })()""")
+    return "changedPixels()"
 
 
 def hash_of(page):
@@ -168,6 +177,17 @@ def test_a_click_follows_the_agent_and_escape_lets_go(page, station):
     assert page.evaluate("document.getElementById('agent').hidden")
 
 
+def test_an_unknown_agent_is_not_followed_and_the_view_stays(page, station):
+    at_scene_time(page, station, 6)
+    open_at(page, station, "crowd=station&cam=0,0,0,20,-90,30&t=3&follow=777")
+    page.wait("[...document.querySelectorAll('.toast.bad')].some(one => "
+              "one.textContent === \"No agent 777 in 'station' at this time: nobody is followed\")")
+    page.wait("!location.hash.includes('follow')")
+    assert hash_of(page)["cam"] == "0,0,0,20,-90,30"
+    camera = page.evaluate("throngView.header.camera.target")
+    assert abs(camera.get("x", 0)) < 1e-6 and abs(camera.get("y", 0)) < 1e-6
+
+
 def test_a_click_beside_everybody_follows_nobody(page, station):
     at_scene_time(page, station, 6)
     open_at(page, station, FROM_ABOVE)
@@ -224,18 +244,61 @@ def test_colours_overlays_and_their_legend_are_drawn(page, station):
     page.wait("/color=speed,0,[^2]/.test(location.hash)")
     low, high = map(float, hash_of(page)["color"].split(",")[1:])
     assert low == 0 and 2.5 < high < 8, "the range of the people in view"
-    for key, name in (("g", "grid"), ("i", "ids"), ("m", "density"), ("b", "scale"), ("k", "time")):
-        before = page.evaluate(PICTURE)
+    for key, value in (("low", "1"), ("high", "3")):
+        changed = kept_picture(page)
+        page.evaluate(f"(() => {{ const i = document.getElementById('{key}'); i.value = '{value}'; "
+                      "i.dispatchEvent(new Event('change')); })()")
+        page.wait(f"{changed} > 500")
+    page.wait("location.hash.includes('color=speed,1,3')")
+
+
+@pytest.mark.parametrize("key, name, least", [("g", "grid", 5000), ("i", "ids", 500), ("m", "density", 5000),
+                                              ("b", "scale", 200), ("k", "time", 500), ("v", "trails", 500)])
+def test_each_overlay_changes_the_picture_and_leaves_it_again(page, station, key, name, least):
+    at_scene_time(page, station, 6)
+    open_at(page, station, "crowd=station&cam=0,0,0,20,-90,30&t=4")
+    page.wait("document.getElementById('time').textContent === '0:04.0'")
+    if name == "trails":  # are drawn of what was seen meanwhile
         page.press(key)
-        page.wait(f"location.hash.includes('{name}')")
-        page.wait(f"({PICTURE}) !== {json.dumps(before)}")
+        page.press(" ")
+        page.wait("Number(document.getElementById('timeline').getAttribute('aria-valuenow')) > 4.6")
+        page.press(" ")
+        page.wait(f"{FRAME} > {page.evaluate(FRAME)} + 8")  # what was on its way
+        changed = kept_picture(page)
+        page.press(key)
+        page.wait(f"{changed} > {least}")
+        return
+    changed = kept_picture(page)
+    assert page.evaluate(changed) == 0, "at rest the picture is the same"
+    page.press(key)
+    page.wait(f"location.hash.includes('{name}')")
+    page.wait(f"{changed} > {least}")
+    page.press(key)
+    page.wait(f"{changed} === 0")
+
+
+def test_speed_is_chosen_by_keys_and_kept_in_the_address(page, station):
+    at_scene_time(page, station, 6)
+    open_at(page, station, "crowd=station&t=1")
+    page.wait("document.getElementById('time').textContent === '0:01.0'")
+    for _ in range(2):
+        page.press("]")
+    assert page.evaluate("document.getElementById('speed').value") == "4"
+    page.wait("location.hash.includes('speed=4')")
+    page.wait("throngView.header.playback.speed === 4")
+    page.press(" ")
+    page.wait("Number(document.getElementById('timeline').getAttribute('aria-valuenow')) > 3")
+    open_at(page, station, "crowd=station&t=1&speed=0.25")
+    page.wait("throngView.header.playback.speed === 0.25")
+    assert page.evaluate("document.getElementById('speed').value") == "0.25"
 
 
 def test_a_picture_is_saved(page, tmp_path):
     page.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
     page.press("p")
     png = devtools.until(lambda: list(tmp_path.glob("station-*.png")), "no picture")[0]
-    assert png.read_bytes()[:4] == b"\x89PNG"
+    devtools.until(lambda: png.read_bytes()[-8:-4] == b"IEND", "the picture has no end")
+    assert png.read_bytes()[16:24] == struct.pack(">II", 1280, 800), "as large as the canvas"
 
 
 def test_a_recording_is_saved(page, tmp_path):
@@ -248,6 +311,13 @@ def test_a_recording_is_saved(page, tmp_path):
     video = devtools.until(lambda: list(tmp_path.glob("station-*.webm")), "no video")[0]
     devtools.until(lambda: video.stat().st_size > 1000, "the video is empty")
     assert video.read_bytes()[:4] == b"\x1a\x45\xdf\xa3"
+    encoded = base64.b64encode(video.read_bytes()).decode()
+    assert page.evaluate(f"""new Promise((resolve, reject) => {{
+        const video = document.createElement('video');
+        video.onloadeddata = () => resolve([video.videoWidth, video.videoHeight]);
+        video.onerror = () => reject(new Error(video.error.message));
+        video.src = URL.createObjectURL(new Blob([Uint8Array.from(atob('{encoded}'), c => c.charCodeAt(0))]));
+        }})""") == [1280, 800], "the browser plays it"
 
 
 def test_numbers_are_shown(page):
@@ -255,7 +325,8 @@ def test_numbers_are_shown(page):
     page.wait("document.getElementById('stats-rows').textContent.includes('Latency')")
     page.wait("/Latency, median[0-9.]+ ms/.test(document.getElementById('stats-rows').textContent)")
     rows = text(page, "stats-rows")
-    assert "Agents30" in rows and "Rasterizer" in rows
+    for words in ("Agents30", "Rasterizer", "Frames per second", "Skipped by the server", "Left out here", "of 40 k"):
+        assert words in rows
 
 
 def test_on_a_phone_everything_is_within_reach(browser, station):
