@@ -224,6 +224,9 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
                                                                      : Representation::kImpostor)) {
       selection.form = FormRule::kMesh;
     }
+    // who is in a picture is asked of figures that are drawn one by one
+    selection.mixed.specks = selection.mixed.specks && passes == nullptr &&
+                             state.rasterizer->draws(Representation::kSpeck);
     for (;;) {
       status = state.backend->select(view, selection);
       if (!status.ok()) return status;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "render/compute/common.hpp"
+#include "render/compute/cpu/speck_table.hpp"
 #include "render/compute/cpu/stages.hpp"
 
 namespace throng::render {
@@ -137,7 +138,21 @@ class CpuBackend final : public ComputeBackend {
       return absl::InvalidArgumentError(
           absl::StrCat("select: point_size_px is ", selection.point_size_px, ", must be > 0"));
     }
+    if (!(selection.mixed.error_px > 0.0F) || !(selection.mixed.speck_error > 0.0F) ||
+        !(selection.mixed.least_px > 0.0F)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("select: error_px is ", selection.mixed.error_px, ", speck_error ",
+                       selection.mixed.speck_error, " and least_px ", selection.mixed.least_px,
+                       ", all must be > 0"));
+    }
     try {
+      if (selection.form == FormRule::kMixed && selection.mixed.specks) {
+        const std::lock_guard lock(generate_mutex_);
+        if (specks_ == nullptr || specks_->cast != own->instances->cast) {
+          specks_ = make_speck_table(own->instances->cast, machine(), scratch_);
+        }
+        own->speck_table = specks_;
+      }
       render::select(*own, selection, machine());
       own->stage = ViewStage::kSelected;
       return absl::OkStatus();
@@ -198,7 +213,10 @@ class CpuBackend final : public ComputeBackend {
             own->representation.span(),
             own->jointed.span(),
             {reinterpret_cast<const float*>(own->joints.data()), 16 * own->joints.size()},
-            own->splats.span()};
+            own->splats.span(),
+            own->specks.span(),
+            own->speck_runs,
+            own->speck_table.get()};
   }
 
   ComputeCounters counters(const ViewWork& view) const override {
@@ -206,14 +224,13 @@ class CpuBackend final : public ComputeBackend {
     ComputeCounters counters;
     if (own == nullptr || own->stage < ViewStage::kCulled) return counters;
     counters.agents = own->instances->present;
-    counters.visible = static_cast<std::uint32_t>(own->visible.size());
-    // the surroundings come last
-    const std::uint32_t agents = own->instances->count - own->instances->surrounding;
-    for (std::size_t i = own->visible.size(); i > 0 && own->visible[i - 1].slot >= agents; --i) {
-      --counters.visible;
-    }
+    counters.visible = own->visible_agents;
     if (own->stage < ViewStage::kSelected) return counters;
-    for (std::uint32_t i = 0; i < counters.visible; ++i) {
+    counters.drawn_as[static_cast<std::size_t>(Representation::kSpeck)] = own->speck_count;
+    counters.drawn_as[static_cast<std::size_t>(Representation::kNone)] = own->left_out;
+    // the surroundings come last
+    const std::uint32_t listed = counters.visible - own->speck_count - own->left_out;
+    for (std::uint32_t i = 0; i < listed; ++i) {
       const Representation form =
           own->representation.size() == 0 ? Representation::kMesh : own->representation[i];
       ++counters.drawn_as[static_cast<std::size_t>(form)];
@@ -261,7 +278,8 @@ class CpuBackend final : public ComputeBackend {
   std::shared_ptr<const CastTable> cast_;
   std::shared_ptr<InstancesPool> instances_pool_ = std::make_shared<InstancesPool>();
   std::mutex generate_mutex_;
-  PosedBank bank_, point_bank_;  // guarded by generate_mutex_
+  PosedBank bank_, point_bank_;               // guarded by generate_mutex_
+  std::shared_ptr<const SpeckTable> specks_;  // likewise: of the cast that was last asked for
   const Kernels& kernels_;
   WorkPool pool_;
   std::vector<WorkerScratch> scratch_;

@@ -1,42 +1,97 @@
+#include <algorithm>
+
 #include "render/compute/common.hpp"
 #include "render/compute/cpu/kernels.hpp"
+#include "render/compute/cpu/speck_table.hpp"
 #include "render/compute/cpu/stages.hpp"
 
 namespace throng::render {
+namespace {
+
+constexpr std::size_t kChunk = 2048;
+
+CullJob job_of(CpuView& view) {
+  CullJob job;
+  job.frustum = element::frustum_from(view.clip_from_relative);
+  job.eye_offset_m = view.eye_offset_m;
+  job.sphere_m = view.instances->sphere_m.data();
+  job.state = view.instances->state.data();
+  job.mask = view.mask.data();
+  view.visible.resize(view.mask_count);
+  view.distance_m.resize(view.mask_count);
+  job.visible = view.visible.data();
+  job.distance_m = view.distance_m.data();
+  return job;
+}
+
+}  // namespace
 
 void cull(CpuView& view, const Camera& camera, const Viewport& viewport, Machine machine) {
-  constexpr std::size_t kChunk = 2048;
   const CpuInstances& instances = *view.instances;
   const std::size_t slots = instances.count;
   view.projection = projection_of(camera, viewport);
   view.mask.resize(slots);
-  CullJob job;
   view.clip_from_relative = clip_from_relative(camera, viewport);
-  job.frustum = element::frustum_from(view.clip_from_relative);
-  job.eye_offset_m = camera.eye_world - instances.origin_world;
-  job.sphere_m = instances.sphere_m.data();
-  job.state = instances.state.data();
-  job.mask = view.mask.data();
+  view.forward = -glm::vec3(glm::transpose(view_from_relative(camera))[2]);
+  view.eye_offset_m = camera.eye_world - instances.origin_world;
+  view.mask_count = 0;
+  const CullJob job = job_of(view);
 
-  // mask and count, then a prefix sum over the chunks: the visible list keeps the order of slots
+  // mask and count, then a prefix sum over the chunks: visible lists keep the order of slots
   view.chunk_count.assign((slots + kChunk - 1) / kChunk, 0);
   machine.pool.for_chunks(slots, kChunk, [&](std::size_t begin, std::size_t end) {
     view.chunk_count[begin / kChunk] = machine.kernels.cull(job, begin, end);
   });
-  std::uint32_t visible = 0;
   for (std::uint32_t& count : view.chunk_count) {
     const std::uint32_t own = count;
-    count = visible;
-    visible += own;
+    count = view.mask_count;
+    view.mask_count += own;
   }
+  view.visible_agents = view.mask_count;
+  for (std::size_t slot = slots - instances.surrounding; slot < slots; ++slot) {
+    view.visible_agents -= view.mask[slot];
+  }
+}
 
-  view.visible.resize(visible);
-  view.distance_m.resize(visible);
-  job.visible = view.visible.data();
-  job.distance_m = view.distance_m.data();
-  machine.pool.for_chunks(slots, kChunk, [&](std::size_t begin, std::size_t end) {
-    machine.kernels.compact(job, begin, end, view.chunk_count[begin / kChunk]);
+void list_visible(CpuView& view, WorkPool& pool, const Kernels& kernels) {
+  const CullJob job = job_of(view);
+  view.speck_runs.clear();
+  view.speck_count = view.left_out = 0;
+  pool.for_chunks(view.mask.size(), kChunk, [&](std::size_t begin, std::size_t end) {
+    kernels.compact(job, begin, end, view.chunk_count[begin / kChunk]);
   });
+}
+
+void list_mixed(CpuView& view, const MixedForms& mixed, WorkPool& pool, const Kernels& kernels) {
+  SplitJob job;
+  job.cull = job_of(view);
+  job.projection = view.projection;
+  job.forward = view.forward;
+  job.mixed = mixed;
+  job.cast = view.instances->cast.get();
+  job.has_images = view.speck_table->has_images.data();
+  job.agents = view.instances->count - view.instances->surrounding;
+  view.specks.resize(view.mask_count);
+  job.specks = view.specks.data();
+  std::vector<Split> made(view.chunk_count.size());
+  pool.for_chunks(view.mask.size(), kChunk, [&](std::size_t begin, std::size_t end) {
+    made[begin / kChunk] = kernels.split(job, begin, end, view.chunk_count[begin / kChunk]);
+  });
+  // the visible list without its gaps; specks are too many to be moved
+  view.speck_runs.clear();
+  view.speck_count = view.left_out = 0;
+  std::uint32_t listed = 0;
+  for (std::size_t chunk = 0; chunk < made.size(); ++chunk) {
+    const std::uint32_t first = view.chunk_count[chunk], own = made[chunk].listed;
+    std::copy_n(view.visible.data() + first, own, view.visible.data() + listed);
+    std::copy_n(view.distance_m.data() + first, own, view.distance_m.data() + listed);
+    listed += own;
+    if (made[chunk].specks != 0) view.speck_runs.push_back({first, made[chunk].specks});
+    view.speck_count += made[chunk].specks;
+    view.left_out += made[chunk].left_out;
+  }
+  view.visible.resize(listed);
+  view.distance_m.resize(listed);
 }
 
 }  // namespace throng::render

@@ -8,6 +8,7 @@
 #include "render/compute/cpu/stages.hpp"
 #include "render/compute/element/advance.hpp"
 #include "render/compute/element/frustum.hpp"
+#include "render/compute/element/speck.hpp"
 #include "render/compute/element/visible.hpp"
 #include "throng/render/compute.hpp"
 
@@ -37,6 +38,20 @@ struct CullJob {
   float* distance_m;
 };
 
+struct SplitJob {
+  CullJob cull;
+  element::Projection projection;
+  glm::vec3 forward;  // orthographic: where all look
+  MixedForms mixed;
+  const CastTable* cast;
+  const std::uint8_t* has_images;  // by character
+  std::uint32_t agents;            // slots from here on are surroundings
+  Speck* specks;
+};
+struct Split {
+  std::uint32_t listed = 0, specks = 0, left_out = 0;
+};
+
 /// The loops that take the time. Ranges are of slots or of visible instances.
 struct Kernels {
   void (*advance)(const AdvanceJob& job, std::size_t begin, std::size_t end);
@@ -46,6 +61,10 @@ struct Kernels {
 
   /// Writes the visible instances of a range of slots from `next` on.
   void (*compact)(const CullJob& job, std::size_t begin, std::size_t end, std::uint32_t next);
+
+  /// The same where some are specks: both lists start at `next` and may end before the next
+  /// range's.
+  Split (*split)(const SplitJob& job, std::size_t begin, std::size_t end, std::uint32_t next);
 
   void (*share)(const element::Projection& projection, const VisibleInstance* visible,
                 const float* distance_m, std::uint32_t* share, std::size_t begin, std::size_t end);

@@ -42,6 +42,72 @@ void compact(const CullJob& job, std::size_t begin, std::size_t end, std::uint32
   }
 }
 
+Split split(const SplitJob& job, std::size_t begin, std::size_t end, std::uint32_t next) {
+  Split made;
+  const CullJob& cull = job.cull;
+  const MixedForms& mixed = job.mixed;
+  for (std::size_t slot = begin; slot < end; ++slot) {
+    if (cull.mask[slot] == 0) continue;
+    const glm::vec4& sphere_m = cull.sphere_m[slot];
+    const InstanceState& state = cull.state[slot];
+    const float distance_m =
+        element::distance_of(element::relative_sphere(sphere_m, cull.eye_offset_m));
+    if (slot < job.agents && job.has_images[state.character] != 0) {
+      const CharacterTable& table = job.cast->characters[state.character];
+      const float d = job.projection.perspective != 0
+                          ? (distance_m < sphere_m.w ? sphere_m.w : distance_m)
+                          : 1.0F;
+      const float px_per_m = job.projection.focal_px / d;
+      const float height_m = state.placement.scale * table.character->height_m;
+      const float height_px = px_per_m * height_m;
+      // each agent's limits lie up to a fifth apart, so that a row of them does not change at once
+      const float limit_px = mixed.error_px / mixed.speck_error;
+      if (height_px < 1.1F * limit_px) {
+        const float own = element::unit_from_seed(state.seed, element::kSeedForm);
+        const float speck_us =
+            element::fused(mixed.speck_px2_us, height_px * height_px, mixed.speck_us);
+        const std::uint32_t vertices =
+            table.error.vertex_count[ErrorTable::step_of(mixed.error_px / px_per_m)];
+        const float mesh_us =
+            element::fused(mixed.mesh_vertex_us, static_cast<float>(vertices), mixed.mesh_us);
+        if (height_px * (0.9F + 0.2F * own) < limit_px && speck_us < mesh_us) {
+          // of those that are too small some stand for all: as much larger as they are fewer
+          const float kept = height_px / mixed.least_px;
+          const float larger = kept < 1.0F ? 1.0F / kept : 1.0F;
+          if (own * larger * larger >= 1.0F) {
+            ++made.left_out;
+            continue;
+          }
+          Speck& speck = job.specks[next + made.specks++];
+          speck.position_relative = element::relative(state.position_m.x, state.position_m.y,
+                                                      state.position_m.z, cull.eye_offset_m);
+          speck.height_m = larger * height_m;
+          speck.seed = state.seed;
+          speck.channel = state.channel;
+          const glm::vec3 to_eye =
+              job.projection.perspective != 0 ? -speck.position_relative : -job.forward;
+          const element::Placement& p = state.placement;
+          const std::uint32_t azimuth =
+              element::speck_azimuth(to_eye.x * p.cosine_scale + to_eye.y * p.sine_scale,
+                                     to_eye.y * p.cosine_scale - to_eye.x * p.sine_scale);
+          const float sine = job.projection.perspective != 0 ? to_eye.z / d : to_eye.z;
+          speck.image = state.character * element::kSpeckImages +
+                        (element::speck_pose(state.pose, table.gait) * element::kSpeckElevations +
+                         element::speck_elevation(sine)) *
+                            element::kSpeckAzimuths +
+                        azimuth;
+          continue;
+        }
+      }
+    }
+    const std::uint32_t v = next + made.listed++;
+    cull.distance_m[v] = distance_m;
+    cull.visible[v] = element::make_visible(state, sphere_m.w, static_cast<std::uint32_t>(slot),
+                                            cull.eye_offset_m);
+  }
+  return made;
+}
+
 void share(const element::Projection& projection, const VisibleInstance* visible,
            const float* distance_m, std::uint32_t* result, std::size_t begin, std::size_t end) {
   for (std::size_t i = begin; i < end; ++i) {
@@ -191,4 +257,4 @@ void corners(const std::uint32_t* __restrict corner, std::size_t count,
   for (std::size_t k = 0; k < count; ++k) out[k] = scratch[corner[k]];
 }
 
-constexpr Kernels kKernels = {advance, cull, compact, share, pose_palette, skin, corners};
+constexpr Kernels kKernels = {advance, cull, compact, split, share, pose_palette, skin, corners};

@@ -108,6 +108,11 @@ void choose_tiers(CpuView& view, PoseMode mode, WorkPool& pool) {
 }  // namespace
 
 void select(CpuView& view, const Selection& selection, Machine machine) {
+  if (selection.form == FormRule::kMixed && selection.mixed.specks) {
+    list_mixed(view, selection.mixed, machine.pool, machine.kernels);
+  } else {
+    list_visible(view, machine.pool, machine.kernels);
+  }
   const std::size_t count = view.visible.size();
   view.share.resize(count);
   view.geometry = selection.geometry;

@@ -35,6 +35,10 @@ struct CpuView final : ViewWork {
   ViewStage stage = ViewStage::kNew;
   std::shared_ptr<const CpuInstances> instances;
   element::Projection projection;
+  glm::vec3 forward{0.0F, 1.0F, 0.0F};
+  glm::dvec3 eye_offset_m{0.0};      // from the crowd's origin
+  std::uint32_t mask_count = 0;      // instances that the mask keeps
+  std::uint32_t visible_agents = 0;  // of them
   glm::mat4 clip_from_relative{1.0F};
   GeometryKind geometry = GeometryKind::kBatched;
   Buffer<std::uint8_t> mask;        // [I]
@@ -49,6 +53,10 @@ struct CpuView final : ViewWork {
   Buffer<JointedInstance> jointed;        // [V] where representation is not empty
   Buffer<element::JointMatrix> joints;
   Buffer<std::uint32_t> shared_joints;  // [characters * kSharedPoses] first joint
+  Buffer<Speck> specks;
+  std::vector<SpeckRun> speck_runs;  // by chunk of slots
+  std::shared_ptr<const SpeckTable> speck_table;
+  std::uint32_t speck_count = 0, left_out = 0;  // agents that are not among the visible instances
   Buffer<Splat> splats;
   Buffer<std::uint32_t> splat_offset;     // [V+1]
   Buffer<std::uint32_t> vertex_offset;    // [V+1]
@@ -79,9 +87,9 @@ struct CpuView final : ViewWork {
     return mask.size_bytes() + visible.size_bytes() + distance_m.size_bytes() + share.size_bytes() +
            tier.size_bytes() + shared.size_bytes() + mesh.size_bytes() +
            representation.size_bytes() + jointed.size_bytes() + joints.size_bytes() +
-           splats.size_bytes() + splat_offset.size_bytes() + shared_joints.size_bytes() +
-           vertex_offset.size_bytes() + triangle_offset.size_bytes() + vertices.size_bytes() +
-           indices.size_bytes();
+           splats.size_bytes() + specks.size_bytes() + splat_offset.size_bytes() +
+           shared_joints.size_bytes() + vertex_offset.size_bytes() + triangle_offset.size_bytes() +
+           vertices.size_bytes() + indices.size_bytes();
   }
 };
 using element::kOwnPose;
@@ -107,6 +115,13 @@ void advance(const Snapshot& older, const Snapshot& newer, std::int64_t scene_ti
              CpuInstances& instances);
 
 void cull(CpuView& view, const Camera& camera, const Viewport& viewport, Machine machine);
+
+/// The visible list of the mask.
+void list_visible(CpuView& view, WorkPool& pool, const Kernels& kernels);
+
+/// The visible list without those that are drawn as specks or left out, and the specks.
+/// `view.speck_table` is that of the cast.
+void list_mixed(CpuView& view, const MixedForms& mixed, WorkPool& pool, const Kernels& kernels);
 
 void select(CpuView& view, const Selection& selection, Machine machine);
 

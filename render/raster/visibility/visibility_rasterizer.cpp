@@ -16,6 +16,7 @@
 #include "render/raster/scene.hpp"
 #include "render/raster/visibility/cpu/relief.hpp"
 #include "render/raster/visibility/cpu/shade.hpp"
+#include "render/raster/visibility/cpu/speck.hpp"
 #include "render/raster/visibility/cpu/splat.hpp"
 #include "render/raster/visibility/cpu/tile.hpp"
 #include "render/raster/visibility/element/shadow.hpp"
@@ -74,6 +75,7 @@ struct TileScratch {
   alignas(64) float rgb[3][kPixels];
   alignas(64) float row[3][kTilePx];
   alignas(64) float background_share[kPixels];
+  SpeckTile specks;
   TileCounters counters;
 };
 
@@ -92,7 +94,7 @@ class VisibilityRasterizer final : public Rasterizer {
   }
 
   bool takes_fused() const override { return true; }
-  bool draws(Representation form) const override { return form <= Representation::kPoints; }
+  bool draws(Representation form) const override { return form <= Representation::kSpeck; }
   RasterCounters counters() const override;
   absl::Status keep_facts(PixelFacts* facts) override {
     facts_ = facts;
@@ -117,6 +119,8 @@ class VisibilityRasterizer final : public Rasterizer {
                    const Viewport& viewport);
   void collect_facts(int tile_x_px, int tile_y_px, int width, int height, int picture_width,
                      std::span<const Splat> splats, const TilePlanes& planes) const;
+  void blend_specks(const FrameGeometry& geometry, std::size_t tile, int tile_x_px, int tile_y_px,
+                    bool has_planes, TileScratch& scratch) const;
   void prefetch(const FrameGeometry& geometry, const DrawnInstance& drawn) const;
   InstanceTriangles own_triangles(const FrameGeometry& geometry, const DrawnInstance& drawn,
                                   bool clipped) const;
@@ -183,6 +187,8 @@ class VisibilityRasterizer final : public Rasterizer {
   std::shared_ptr<const Cast> cast_;
   TextureStore textures_;
   SplatStage splats_;
+  SpeckStage specks_;
+  SpeckScene speck_scene_{};
   std::vector<std::uint8_t> double_sided_;  // by character
   std::vector<Cutout> cutouts_;             // by character; no flags: no triangle has holes
 
@@ -257,7 +263,7 @@ RasterCounters VisibilityRasterizer::counters() const {
     add(projected->inverse_w);
   }
   for (const TriangleList& list : lists_) sum.size_bytes += list.size_bytes();
-  sum.size_bytes += splats_.size_bytes();
+  sum.size_bytes += splats_.size_bytes() + specks_.size_bytes();
   add(bins_.entries);
   add(bins_.next);
   add(blob_bins_.entries);
@@ -324,6 +330,14 @@ absl::Status VisibilityRasterizer::check(const FrameGeometry& geometry,
   if (geometry.splats.size() > kMostSplats) {
     return absl::ResourceExhaustedError(absl::StrCat("visibility draw: ", geometry.splats.size(),
                                                      " splats, at most ", kMostSplats));
+  }
+  for (const SpeckRun& run : geometry.speck_runs) {
+    if (geometry.speck_table == nullptr ||
+        std::uint64_t{run.first} + run.count > geometry.specks.size()) {
+      return absl::InvalidArgumentError(absl::StrCat("visibility draw: specks ", run.first, " + ",
+                                                     run.count, ", must end by ",
+                                                     geometry.specks.size(), " and have a table"));
+    }
   }
   const std::size_t count = geometry.instances.size();
   if (count == 0) return absl::OkStatus();
@@ -914,6 +928,9 @@ void VisibilityRasterizer::add_background(const SceneFrame& scene, std::size_t t
                  y1 - y0 + 1, kTilePx, scratch.missing + y0 * kTilePx + from);
     }
   }
+  if (scene.shadows && specks_.any(tile)) {
+    specks_.shade(tile, tile_x_px, tile_y_px, geometry, speck_scene_, scratch.missing);
+  }
   for (int y = 0; y < height; ++y) {
     const float* share = scratch.background_share + y * kTilePx;
     bool any = false;
@@ -926,6 +943,33 @@ void VisibilityRasterizer::add_background(const SceneFrame& scene, std::size_t t
       const float* missing = scratch.missing + y * kTilePx;
       for (int x = 0; x < width; ++x)
         out[x] += share[x] * (scratch.row[c][x] * (1.0F - missing[x]));
+    }
+  }
+}
+
+/// What is behind specks is seen through them; what they show is added.
+void VisibilityRasterizer::blend_specks(const FrameGeometry& geometry, std::size_t tile,
+                                        int tile_x_px, int tile_y_px, bool has_planes,
+                                        TileScratch& scratch) const {
+  const TilePlanes& planes = scratch.planes;
+  specks_.draw(tile, tile_x_px, tile_y_px, geometry, speck_scene_, has_planes ? &planes : nullptr,
+               scratch.order, scratch.specks);
+  for (int y = 0; y < kTilePx; ++y) {
+    for (int x = 0; x < kTilePx; ++x) {
+      const std::size_t pixel = static_cast<std::size_t>(y) * kTilePx + static_cast<std::size_t>(x);
+      const std::size_t at = sample_index(2 * x, 2 * y);
+      const float* through = scratch.specks.through + at;
+      float background = 0.0F, figures = 0.0F, covered = 0.0F;
+      for (const std::size_t k : {0, 1, 4, 5}) {
+        const bool is_figure = has_planes && planes.depth[at + k] != 0.0F;
+        (is_figure ? figures : background) += through[k];
+        covered += is_figure ? 1.0F : 0.0F;
+      }
+      scratch.background_share[pixel] = 0.25F * background;
+      const float kept = covered > 0.0F ? figures / covered : 1.0F;
+      for (int c = 0; c < 3; ++c) {
+        scratch.rgb[c][pixel] = scratch.rgb[c][pixel] * kept + scratch.specks.rgb[pixel][c];
+      }
     }
   }
 }
@@ -953,6 +997,7 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
 
   const bool has_splats = splats_.any(tile);
   const bool may_draw = count_ > 0 && !bins_.of(tile).empty();
+  const bool has_specks = specks_.any(tile);
   if (may_draw || has_splats) clear_tile(scratch.planes);
   bool empty = !has_splats;
   if (may_draw) {
@@ -1004,8 +1049,9 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
     }
   }
   if (has_splats) splats_.draw(tile, tile_x, tile_y, scratch.planes);
-  if (empty && (!scene.shadows || count_ == 0 ||
-                (blob_bins_.of(tile).empty() && caster_bins_.of(tile).empty()))) {
+  if (empty && !has_specks &&
+      (!scene.shadows || count_ == 0 ||
+       (blob_bins_.of(tile).empty() && caster_bins_.of(tile).empty()))) {
     for (int y = 0; y < height; ++y) {
       shade_background(scene, tile_x_px, tile_y_px + y, kTilePx, scratch.row[0], scratch.row[1],
                        scratch.row[2]);
@@ -1050,6 +1096,7 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
       add_colors(scratch.splat_items);
     }
   }
+  if (has_specks) blend_specks(geometry, tile, tile_x_px, tile_y_px, !empty, scratch);
   add_background(scene, tile, tile_x_px, tile_y_px, width, height, scratch, geometry);
   for (int y = 0; y < height; ++y) {
     const std::size_t row = static_cast<std::size_t>(y) * kTilePx;
@@ -1114,6 +1161,16 @@ absl::Status VisibilityRasterizer::draw(const FrameGeometry& geometry, const Cam
       shades_.back().channel = kNoChannel;
       splats_.place(geometry.splats, grid_, scene, glm::mat3(view_from_relative(camera)), tiles_x_,
                     tiles_y_, pool_);
+    }
+    specks_.clear();
+    if (!geometry.speck_runs.empty()) {
+      speck_scene_ = {&scene,
+                      &grid_,
+                      glm::vec3(glm::transpose(glm::mat3(view_from_relative(camera)))[1]),
+                      look.color_by_channel,
+                      look.channel_low,
+                      look.channel_high};
+      specks_.place(geometry, speck_scene_, tiles_x_, tiles_y_, pool_);
     }
     pool_.run(std::size_t{tiles_x_} * tiles_y_, [&](std::size_t tile, unsigned worker) {
       draw_tile(geometry, scene, viewport, tile, *scratch_[worker], picture);

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <map>
 #include <string>
 
 #include "bench/experiments/options.hpp"
@@ -233,9 +234,26 @@ int run(int argc, char** argv) {
   CLI::App* mixed =
       app.add_subcommand("mixed", "The mixed frame against every single form, by quality and time");
   add_common(*mixed, flags);
-  mixed->add_option("--agents", flags.mixed.agents, "Instances in the crowd")
+  mixed->add_option("--agents", flags.mixed.counts, "Numbers of agents")
+      ->delimiter(',')
       ->capture_default_str()
-      ->check(CLI::Range(1U, 4'000'000U));
+      ->check(CLI::Range(1U, 4'000'000U))
+      ->type_name("I,I,...");
+  mixed->add_option("--points", flags.mixed.points_px, "Sizes of points, px")
+      ->delimiter(',')
+      ->capture_default_str()
+      ->check(CLI::Range(0.1, 100.0))
+      ->type_name("S,S,...");
+  mixed->add_option("--places", flags.mixed.places, "From where: walkthrough, street, above")
+      ->delimiter(',')
+      ->transform(
+          CLI::CheckedTransformer(std::map<std::string, Place>{{"walkthrough", Place::kWalkthrough},
+                                                               {"street", Place::kStreet},
+                                                               {"above", Place::kAbove}}))
+      ->type_name("PLACE,...");
+  mixed->add_option("--repeats", flags.mixed.repeats, "Times that each frame is drawn")
+      ->capture_default_str()
+      ->check(CLI::Range(1U, 100U));
   mixed->add_option("--budgets", flags.mixed.budgets_million, "Vertex budgets of meshes, millions")
       ->delimiter(',')
       ->capture_default_str()
@@ -246,7 +264,7 @@ int run(int argc, char** argv) {
       ->capture_default_str()
       ->check(CLI::Range(0.001, 100.0))
       ->type_name("E,E,...");
-  mixed->add_option("--places", flags.mixed.places, "Places of the walkthrough, 2 frames each")
+  mixed->add_option("--frames", flags.mixed.frames, "Places of the walkthrough, 2 frames each")
       ->capture_default_str()
       ->check(CLI::Range(1U, 500U));
   mixed->add_option("--pictures", flags.mixed.pictures, "Write what is compared as PNG")

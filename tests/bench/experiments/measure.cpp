@@ -32,6 +32,19 @@ void Measured::add(const render::FrameStats& stats, const Ticks& frame, const Ti
   }
 }
 
+void Measured::add(const Measured& other) {
+  frames += other.frames;
+  for (Range Measured::*range :
+       {&Measured::visible, &Measured::vertices, &Measured::triangles, &Measured::wall_ms,
+        &Measured::cpu_ms, &Measured::encode_wall_ms, &Measured::encode_cpu_ms}) {
+    (this->*range).add(other.*range);
+  }
+  for (double StageTimes::*stage : kStages) {
+    stage_sum.*stage += other.stage_sum.*stage;
+    cpu_stage_sum.*stage += other.cpu_stage_sum.*stage;
+  }
+}
+
 double Measured::stage_ms(double StageTimes::*stage) const {
   return frames == 0 ? 0.0 : stage_sum.*stage / static_cast<double>(frames);
 }

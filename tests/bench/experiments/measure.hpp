@@ -21,6 +21,7 @@ struct Measured {
   std::uint64_t frames = 0;
 
   void add(const render::FrameStats& stats, const Ticks& frame, const Ticks& encode);
+  void add(const Measured& other);
   double stage_ms(double render::StageTimes::*stage) const;
   double cpu_stage_ms(double render::StageTimes::*stage) const;
   double fps() const { return wall_ms.mean() > 0 ? 1000.0 / wall_ms.mean() : 0.0; }

@@ -20,6 +20,12 @@ struct Range {
     sum += value;
     ++count;
   }
+  void add(const Range& other) {
+    min = std::min(min, other.min);
+    max = std::max(max, other.max);
+    sum += other.sum;
+    count += other.count;
+  }
   double mean() const { return count == 0 ? 0.0 : sum / static_cast<double>(count); }
 };
 

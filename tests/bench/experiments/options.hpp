@@ -27,7 +27,8 @@ struct Form {
   render::GeometryKind geometry;
   render::PoseMode pose;
   render::FormRule rule = render::FormRule::kMesh;
-  float error_px = 0.5F;  // of kMixed
+  float error_px = 0.5F;   // of kMixed
+  float point_px = 1.25F;  // of kPoints
 };
 /// The published method: each agent in its own pose, all of them in one batched buffer.
 inline constexpr Form kBatched{"batched, exact", render::GeometryKind::kBatched,
@@ -74,11 +75,18 @@ struct BeaccoOptions {
   std::string pictures;  // folder, empty: none
 };
 
+/// From where a crowd is looked at: along the walkthrough, through the eyes of somebody in it, or
+/// all of it from above.
+enum class Place { kWalkthrough, kStreet, kAbove };
+
 struct MixedOptions {
-  std::uint32_t agents = 1000;
+  std::vector<std::uint32_t> counts{1000, 10'000, 100'000};
+  std::vector<Place> places{Place::kStreet, Place::kAbove};
+  std::vector<double> points_px{1.0, 2.0};
+  std::uint32_t repeats = 3;  // of each frame; its time is the least
   std::vector<double> budgets_million{0.5, 1, 2, 4};
-  std::vector<double> errors_px{0.1, 0.2, 0.35, 0.5};
-  std::uint32_t places = 2;  // of the walkthrough, two consecutive frames each
+  std::vector<double> errors_px{0.15, 0.25, 0.35, 0.5};
+  std::uint32_t frames = 2;  // of the walkthrough, two consecutive ones each
   std::string pictures;      // folder, empty: none
 };
 

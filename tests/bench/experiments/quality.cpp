@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <optional>
 
 #include "bench/experiments/report.hpp"
 #include "bench/experiments/walkthrough.hpp"
@@ -16,6 +17,7 @@ namespace {
 
 constexpr std::uint32_t kReferenceScale = 4;
 constexpr std::uint32_t kNearPx = 8;
+constexpr float kReferenceErrorPx = 1.0F / 32.0F;  // where full detail is more than memory holds
 
 /// sRGB to linear for all 256 values.
 const std::array<float, 256>& linear_table() {
@@ -143,13 +145,15 @@ absl::StatusOr<Reference::Frame> Reference::draw(const render::Crowd& crowd, std
   constexpr double kVertexBytes = 24 + 24 + 2 * 12;
   constexpr double kLimitBytes = 8.0 * (1ULL << 30);
   const double bytes = stats.counters.visible * mean_vertices * kVertexBytes;
-  if (bytes > kLimitBytes) {
-    return absl::ResourceExhaustedError(absl::StrCat(
-        "reference: ", stats.counters.visible, " agents in view at full detail need ",
-        static_cast<std::uint64_t>(bytes * 1e-9), " GB, the limit is 8; use fewer agents"));
-  }
-
   full.selection.vertex_budget = ~std::uint64_t{0} >> 16;
+  if (bytes > kLimitBytes) {
+    full.selection.form = render::FormRule::kMixed;
+    full.selection.mixed.specks = false;
+    full.selection.mixed.error_px = kReferenceScale * kReferenceErrorPx;
+    full.selection.mixed.least_px = 1e-6F;  // nobody stands for others
+    full.selection.mixed.impostor_error = 1e6F;
+    full.selection.vertex_budget = static_cast<std::uint64_t>(kLimitBytes / kVertexBytes);
+  }
   full.viewport = {kReferenceScale * view.viewport.width_px,
                    kReferenceScale * view.viewport.height_px};
   if (auto status = pipeline_->render(crowd, time_us, full, large, stats); !status.ok()) {
@@ -195,9 +199,21 @@ absl::Status judge(const std::array<Reference::Frame, 2>& frames,
   return absl::OkStatus();
 }
 
+render::Camera camera_at(Place place, const render::Crowd& crowd,
+                         const render::Viewport& viewport) {
+  const auto newest = crowd.newest();
+  const glm::dvec3 low(newest->low_m), high(newest->high_m);
+  if (place == Place::kAbove) return render::overview_camera(low, high, viewport);
+  render::Camera camera;
+  camera.eye_world = {0.5 * (low.x + high.x), low.y + 0.125 * (high.y - low.y), 1.7};
+  camera.target_world = camera.eye_world + glm::dvec3(0.0, 10.0, -0.05);
+  return camera;
+}
+
 absl::Status judge_places(const Common& common, const Places& places, std::vector<Judged>& ways) {
   auto walkthrough = Walkthrough::make(common.cast, places.agents, places.camera_path);
   if (!walkthrough.ok()) return walkthrough.status();
+  const std::uint32_t count = places.place == Place::kWalkthrough ? places.count : 1;
   auto reference = Reference::make(common.cast, common.threads);
   if (!reference.ok()) return reference.status();
 
@@ -217,17 +233,19 @@ absl::Status judge_places(const Common& common, const Places& places, std::vecto
   view.look = places.look;
   view.selection.rule = places.lod;
   render::JpegEncoder jpeg;
-  Progress progress("quality", std::size_t{places.count} * (ways.size() + 1));
-  for (std::uint32_t place = 0; place < places.count && !stop_requested; ++place) {
+  Progress progress("quality", std::size_t{count} * (ways.size() + 1));
+  for (std::uint32_t place = 0; place < count && !stop_requested; ++place) {
     const auto first = static_cast<std::uint32_t>((2 * std::uint64_t{place} + 1) *
-                                                  (Walkthrough::kFrames - 2) / (2 * places.count));
+                                                  (Walkthrough::kFrames - 2) / (2 * count));
     std::array<Reference::Frame, 2> references;
     std::vector<std::array<Reference::Frame, 2>> frames(ways.size());
     for (const std::uint32_t i : {0U, 1U}) {
       const std::uint32_t frame = first + i;
       if (auto status = walkthrough->advance_to(frame); !status.ok()) return status;
       const render::Crowd& crowd = walkthrough->crowd();
-      view.camera = walkthrough->camera(frame);
+      view.camera = places.place == Place::kWalkthrough
+                        ? walkthrough->camera(frame)
+                        : camera_at(places.place, crowd, common.viewport);
       const std::int64_t time_us = Walkthrough::time_us(frame);
       auto drawn = reference->draw(crowd, time_us, view);
       if (!drawn.ok()) return drawn.status();
@@ -243,12 +261,20 @@ absl::Status judge_places(const Common& common, const Places& places, std::vecto
         view.pose_mode = ways[w].form.pose;
         view.selection.form = ways[w].form.rule;
         view.selection.mixed.error_px = ways[w].form.error_px;
+        view.selection.point_size_px = ways[w].form.point_px;
         render::FramePipeline& pipeline = *pipelines[ways[w].form.geometry];
-        if (auto status = measure_frame(pipeline, crowd, time_us, view, jpeg, frames[w][i].picture,
-                                        ways[w].measured);
-            !status.ok()) {
-          return status;
+        std::optional<Measured> least;
+        for (std::uint32_t k = std::max(places.repeats, 1U); k-- > 0;) {
+          Measured measured;
+          // a millisecond apart: what one frame has advanced the next does not find done
+          if (auto status = measure_frame(pipeline, crowd, time_us - 1000 * k, view, jpeg,
+                                          frames[w][i].picture, measured);
+              !status.ok()) {
+            return status;
+          }
+          if (!least || measured.cpu_ms.mean() < least->cpu_ms.mean()) least = measured;
         }
+        ways[w].measured.add(*least);
         auto covered = covered_pixels(pipeline, crowd, time_us, view);
         if (!covered.ok()) return covered.status();
         frames[w][i].covered = *std::move(covered);

@@ -50,7 +50,8 @@ class Reference {
     render::Picture picture;
     std::vector<std::uint8_t> covered;
   };
-  /// ResourceExhausted where the agents in view at full detail would need over 8 GiB.
+  /// Where the agents in view at full detail would need over 8 GiB, each is drawn with the fewest
+  /// vertices that are off by a 32nd of a pixel at most. ResourceExhausted where those need it too.
   absl::StatusOr<Frame> draw(const render::Crowd& crowd, std::int64_t time_us,
                              const render::ViewSettings& view);
 
@@ -75,13 +76,18 @@ struct Judged {
 /// Where ways to draw are judged.
 struct Places {
   std::uint32_t agents = 0;
-  std::string camera_path;  // empty: the walkthrough that comes with the bench
-  std::uint32_t count = 4;  // spread over the walkthrough, two consecutive frames each
+  std::string camera_path;            // empty: the walkthrough that comes with the bench
+  std::uint32_t count = 4;            // spread over the walkthrough, two consecutive frames each
+  Place place = Place::kWalkthrough;  // else one place
+  std::uint32_t repeats = 1;          // of each frame; the one that took least counts
   render::RasterKind raster = render::RasterKind::kVisibility;
   render::LodRule lod = render::LodRule::kBudget;
   render::Look look;
   std::string pictures;  // folder for all that is compared, empty: none
 };
+
+/// A camera at a place that is not of the walkthrough.
+render::Camera camera_at(Place place, const render::Crowd& crowd, const render::Viewport& viewport);
 
 /// Draws all ways at all places and compares them with the reference.
 absl::Status judge_places(const Common& common, const Places& places, std::vector<Judged>& ways);

@@ -87,6 +87,8 @@ struct Selection {
   bool on_device = false;    // leave geometry where it was made; of cuda only
 };
 
+struct SpeckTable;  // render/compute/cpu/speck_table.hpp
+
 /// Geometry in the memory of a device; each backend derives its own.
 struct DeviceGeometry {
   virtual ~DeviceGeometry() = default;
@@ -117,6 +119,10 @@ struct FrameGeometry {
   std::span<const JointedInstance> jointed = {};        // [V] where representation is not empty
   std::span<const float> joints = {};
   std::span<const Splat> splats = {};  // points, of agents and of crowds too far to be listed
+  // agents that are not among the instances; those of the runs count, in order
+  std::span<const Speck> specks = {};
+  std::span<const SpeckRun> speck_runs = {};
+  const SpeckTable* speck_table = nullptr;
   const DeviceGeometry* on_device = nullptr;  // else the spans are empty
 };
 

@@ -28,6 +28,22 @@ static_assert(sizeof(Splat) == 32);
 inline constexpr std::uint32_t kNobody = 0xffffffffU;
 inline constexpr std::uint64_t kMostSplats = (1U << 30) - 1;  // of a frame: their number in a word
 
+/// An agent of a few pixels (Representation::kSpeck). 32 bytes.
+struct Speck {
+  glm::vec3 position_relative;  // of the feet: metres, world axes, relative to the camera's eye
+  float height_m;               // of the character as it is scaled, more where it stands for others
+  std::uint32_t image;          // of SpeckTable
+  std::uint32_t seed;           // tints
+  float channel;                // value of the channel shown, NaN: none
+  std::uint32_t reserved;
+};
+static_assert(sizeof(Speck) == 32);
+
+/// Specks [first, first + count) of a frame.
+struct SpeckRun {
+  std::uint32_t first, count;
+};
+
 /// What shading needs of a visible instance. 48 bytes.
 struct VisibleInstance {
   glm::vec3 position_relative;  // of the feet

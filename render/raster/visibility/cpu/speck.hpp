@@ -1,0 +1,77 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <span>
+#include <vector>
+
+#include "render/compute/cpu/work_pool.hpp"
+#include "render/raster/scene.hpp"
+#include "render/raster/visibility/cpu/tile.hpp"
+#include "throng/render/compute.hpp"
+
+namespace throng::render::visibility {
+
+/// A speck on the picture. 32 bytes.
+struct PlacedSpeck {
+  float x, y;   // of the feet, pixels from the picture's top left
+  float size;   // pixels of the figure's height, seen from the side
+  float lean;   // pixels to the right for each up
+  float depth;  // reversed; 0: not seen
+  float clear;  // share of its light that haze leaves
+  std::uint32_t image;
+  std::uint32_t seed;
+};
+static_assert(sizeof(PlacedSpeck) == 32);
+
+/// What specks see of the frame; the same in all tiles.
+struct SpeckScene {
+  const SceneFrame* scene;
+  const SampleGrid* grid;
+  glm::vec3 camera_up;
+  bool by_channel;
+  float channel_low, channel_high;
+};
+
+/// A tile's specks over its figures: r g b of what they show, and how much they leave of what is
+/// behind them.
+struct SpeckTile {
+  alignas(64) float rgb[kTilePx * kTilePx][4];
+  alignas(64) float through[kTileSamples * kTileSamples];  // by sample, in the order of TilePlanes
+};
+
+/// Specks of a frame: placed, listed by tile, blended front to back by the share of each pixel that
+/// they cover. Two that meet in a pixel are taken to lie in it at random. The picture does not
+/// depend on their order in the list as long as no two are equally far.
+class SpeckStage {
+ public:
+  void place(const FrameGeometry& geometry, const SpeckScene& scene, std::uint32_t tiles_x,
+             std::uint32_t tiles_y, WorkPool& pool);
+  void clear() { first_.clear(); }
+
+  bool any(std::size_t tile) const { return !first_.empty() && first_[tile + 1] > first_[tile]; }
+
+  /// Blends a tile's specks whose top left pixel is (x_px, y_px).
+  /// @param planes  what is drawn already; null: nothing.
+  /// @param order   scratch
+  void draw(std::size_t tile, int x_px, int y_px, const FrameGeometry& geometry,
+            const SpeckScene& scene, const TilePlanes* planes, std::vector<std::uint64_t>& order,
+            SpeckTile& result) const;
+
+  /// Raises `missing` [kTilePx]^2, share of light that is missing on the ground, by their shadows.
+  void shade(std::size_t tile, int x_px, int y_px, const FrameGeometry& geometry,
+             const SpeckScene& scene, float* missing) const;
+
+  std::uint64_t size_bytes() const {
+    return placed_.capacity() * sizeof(PlacedSpeck) + 8 * entries_.capacity() +
+           4 * (first_.capacity() + next_.capacity());
+  }
+
+ private:
+  std::vector<PlacedSpeck> placed_;
+  std::vector<std::uint32_t> first_, next_;  // as Bins of the rasterizer
+  std::vector<std::uint64_t> entries_;       // depth and number: rising is near to far
+};
+
+}  // namespace throng::render::visibility
