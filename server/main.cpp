@@ -174,6 +174,7 @@ int main(int argc, char** argv) {
   options.version = THRONG_VERSION;
   throng::server::WebOptions web;
   throng::render::FramePipelineOptions pipeline;
+  std::uint32_t gpu_memory_mib = 0;
   std::string cast_folder, compute = "auto", gpu, raster = "auto", log_level = "info";
   bool doctor = false, json = false, fresh = false;
 
@@ -205,6 +206,8 @@ int main(int argc, char** argv) {
       ->capture_default_str()
       ->check(CLI::IsMember({"auto", "cpu", "cuda"}));
   app.add_option("--gpu", gpu, "CUDA device (default: the first)")->type_name("INDEX|UUID");
+  app.add_option("--gpu-memory-mib", gpu_memory_mib, "Device memory that may be used, 0: all")
+      ->capture_default_str();
   app.add_option("--raster", raster, "Rasterizer")
       ->capture_default_str()
       ->check(CLI::IsMember({"auto", "gl", "visibility"}));
@@ -245,6 +248,7 @@ int main(int argc, char** argv) {
   // A call's status says what went wrong; gRPC's own words are for those who look into gRPC.
   gpr_set_log_function([](gpr_log_func_args* args) { spdlog::debug("grpc: {}", args->message); });
   if (cast_folder.empty()) cast_folder = default_cast();
+  if (gpu_memory_mib > 0) throng::render::limit_gpu_memory(std::uint64_t{gpu_memory_mib} << 20);
   if (!gpu.empty()) {
     if (absl::Status status = throng::render::choose_gpu(gpu); !status.ok()) {
       return fail(kNoDevice, absl::StrCat("--gpu: ", status.message()));
@@ -309,6 +313,8 @@ int main(int argc, char** argv) {
     door = *std::move(opened);
     std::printf("throng-server page at http://%s/\n", door->address().c_str());
   }
+  spdlog::info("compute={} rasterizer={} detail=\"{}\"", (*server)->loop().compute_name(),
+               (*server)->loop().raster_name(), (*server)->loop().raster_detail());
   // The one line that scripts wait for.
   std::printf("throng-server ready on %s, cast of %zu, compute %s, raster %s\n",
               (*server)->address().c_str(), shared_cast->members.size(),

@@ -24,6 +24,27 @@ if(THRONG_WITH_CUDA)
     set(CMAKE_CUDA20_EXTENSION_COMPILE_OPTION "-std=c++20")
   endif()
   find_package(CUDAToolkit REQUIRED)
+  # nvJPEG is looked for when the program runs. Its header is the toolkit's or its wheel's; without
+  # one libjpeg-turbo encodes all pictures.
+  find_path(THRONG_NVJPEG_INCLUDE nvjpeg.h
+    HINTS ${CUDAToolkit_INCLUDE_DIRS} ${CMAKE_BINARY_DIR}/nvjpeg/nvidia/cu${CUDAToolkit_VERSION_MAJOR}/include)
+  if(NOT THRONG_NVJPEG_INCLUDE AND NOT THRONG_NVJPEG_TRIED)
+    set(THRONG_NVJPEG_TRIED ON CACHE INTERNAL "asked pip for nvJPEG's header once")
+    math(EXPR next_major "${CUDAToolkit_VERSION_MAJOR} + 1")
+    execute_process(
+      COMMAND python3 -m pip download -q --no-deps -d ${CMAKE_BINARY_DIR}/nvjpeg
+        "nvidia-nvjpeg>=${CUDAToolkit_VERSION_MAJOR},<${next_major}"
+      TIMEOUT 120 OUTPUT_QUIET ERROR_QUIET RESULT_VARIABLE failed)
+    file(GLOB wheel ${CMAKE_BINARY_DIR}/nvjpeg/*.whl)
+    if(wheel)
+      file(ARCHIVE_EXTRACT INPUT ${wheel} DESTINATION ${CMAKE_BINARY_DIR}/nvjpeg PATTERNS "*/nvjpeg.h")
+      file(REMOVE ${wheel})
+    endif()
+    find_path(THRONG_NVJPEG_INCLUDE nvjpeg.h
+      HINTS ${CMAKE_BINARY_DIR}/nvjpeg/nvidia/cu${CUDAToolkit_VERSION_MAJOR}/include)
+  endif()
+  message(STATUS "throng: nvJPEG's header: ${THRONG_NVJPEG_INCLUDE}")
+
   add_library(throng_cuda_options INTERFACE)
   add_library(throng::cuda ALIAS throng_cuda_options)
   target_link_libraries(throng_cuda_options INTERFACE CUDA::cudart_static)

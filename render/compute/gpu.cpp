@@ -2,6 +2,7 @@
 
 #if THRONG_WITH_CUDA
 #include "render/compute/cuda/device.hpp"
+#include "render/compute/cuda/memory.hpp"
 #endif
 
 namespace throng::render {
@@ -12,6 +13,12 @@ absl::Status choose_gpu(const std::string& index_or_uuid) {
 }
 
 std::vector<std::string> describe_cuda() { return cuda::describe_devices(); }
+
+void limit_gpu_memory(std::uint64_t size_bytes) { cuda::limit_device_memory(size_bytes); }
+
+std::uint64_t gpu_memory_held() { return cuda::device_memory_held(); }
+
+std::string gpu_key() { return cuda::device_key(); }
 #else
 absl::Status choose_gpu(const std::string& index_or_uuid) {
   if (index_or_uuid.empty()) return absl::OkStatus();
@@ -19,6 +26,12 @@ absl::Status choose_gpu(const std::string& index_or_uuid) {
 }
 
 std::vector<std::string> describe_cuda() { return {"not built into this program"}; }
+
+void limit_gpu_memory(std::uint64_t) {}
+
+std::uint64_t gpu_memory_held() { return 0; }
+
+std::string gpu_key() { return ""; }
 #endif
 
 }  // namespace throng::render

@@ -5,6 +5,7 @@
 #include <ctime>
 #include <utility>
 
+#include "render/frame/faster_rasterizer.hpp"
 #include "render/frame/passes.hpp"
 #include "throng/render/environment.hpp"
 #include "throng/render/frame.hpp"
@@ -50,6 +51,7 @@ struct FramePipeline::State {
   std::unique_ptr<ViewWork> view;
   PixelFacts facts;
   std::string backend_name;
+  std::string why;  // this rasterizer
   GeometryKind geometry = GeometryKind::kBatched;
   bool measure_cpu_times = false;
 
@@ -179,7 +181,11 @@ absl::StatusOr<std::unique_ptr<FramePipeline>> FramePipeline::make(
   if (!backend.ok()) return backend.status();
   state.backend = *std::move(backend);
   state.backend_name = options.backend == BackendKind::kCpu ? "cpu" : "cuda";
-  auto rasterizer = make_rasterizer(options.raster, options.threads, options.backend);
+  RasterKind kind = options.raster;
+  if (kind == RasterKind::kAuto && options.backend == BackendKind::kCuda) {
+    kind = faster_rasterizer(cast, options, state.why);
+  }
+  auto rasterizer = make_rasterizer(kind, options.threads, options.backend);
   if (!rasterizer.ok()) return rasterizer.status();
   state.rasterizer = *std::move(rasterizer);
   const bool takes_fused = state.rasterizer->takes_fused();
@@ -219,6 +225,7 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
     selection.pose_mode = settings.pose_mode;
     selection.geometry = state.geometry;
     selection.on_device = state.rasterizer->takes_device();
+    selection.read_instances = passes != nullptr;
     // a rasterizer that draws nothing else is given meshes
     if (!state.rasterizer->draws(selection.form == FormRule::kPoints ? Representation::kPoints
                                                                      : Representation::kImpostor)) {
@@ -261,7 +268,11 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
   return absl::OkStatus();
 }
 
-RasterInfo FramePipeline::raster_info() const { return state_->rasterizer->info(); }
+RasterInfo FramePipeline::raster_info() const {
+  RasterInfo info = state_->rasterizer->info();
+  if (!state_->why.empty()) absl::StrAppend(&info.detail, "; auto: ", state_->why);
+  return info;
+}
 std::string FramePipeline::backend_name() const { return state_->backend_name; }
 
 }  // namespace throng::render

@@ -85,6 +85,7 @@ int main(int argc, char** argv) {
   app.footer(kFooter);
   app.set_version_flag("--version", "throng-render " THRONG_VERSION);
   BatchJob job;
+  std::uint32_t gpu_memory_mib = 0;
   std::string size = "1280x720", unit, z_rule, shard = "1/1", channel_range, lod = "budget",
               form = "mesh", compute = "auto", gpu, raster = "auto", overlay, title,
               passes = "color", box_extent = "visible";
@@ -189,6 +190,8 @@ int main(int argc, char** argv) {
       ->capture_default_str()
       ->check(CLI::IsMember({"auto", "cpu", "cuda"}));
   app.add_option("--gpu", gpu, "CUDA device (default: the first)")->type_name("INDEX|UUID");
+  app.add_option("--gpu-memory-mib", gpu_memory_mib, "Device memory that may be used, 0: all")
+      ->capture_default_str();
   app.add_option("--raster", raster, "Rasterizer")
       ->capture_default_str()
       ->check(CLI::IsMember({"auto", "gl", "visibility"}));
@@ -249,6 +252,7 @@ int main(int argc, char** argv) {
   job.pipeline.raster = raster == "gl"           ? throng::render::RasterKind::kGl
                         : raster == "visibility" ? throng::render::RasterKind::kVisibility
                                                  : throng::render::RasterKind::kAuto;
+  if (gpu_memory_mib > 0) throng::render::limit_gpu_memory(std::uint64_t{gpu_memory_mib} << 20);
   if (!gpu.empty()) {
     if (absl::Status status = throng::render::choose_gpu(gpu); !status.ok()) {
       return usage(absl::StrCat("--gpu: ", status.message()));

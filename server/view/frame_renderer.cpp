@@ -28,6 +28,7 @@ class PipelineRenderer final : public FrameRenderer {
   }
   std::string compute_name() const override { return pipeline_->backend_name(); }
   std::string raster_name() const override { return pipeline_->raster_info().name; }
+  std::string raster_detail() const override { return pipeline_->raster_info().detail; }
 
  private:
   std::unique_ptr<render::FramePipeline> pipeline_;

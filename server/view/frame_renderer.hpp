@@ -22,6 +22,8 @@ class FrameRenderer {
                               render::FrameStats& stats) = 0;
   virtual std::string compute_name() const = 0;
   virtual std::string raster_name() const = 0;
+  /// Why this one, and what encodes its pictures; for the log.
+  virtual std::string raster_detail() const { return ""; }
 };
 
 using MakeRenderer = std::function<absl::StatusOr<std::unique_ptr<FrameRenderer>>()>;

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "throng/render/control.hpp"
+#include "throng/render/device_picture.hpp"
 #include "throng/render/encode.hpp"
 
 namespace throng::server {
@@ -102,7 +103,7 @@ struct RenderLoop::State {
   bool woken = false;
   bool picture_was_last = false;     // of what the render thread took up
   std::optional<absl::Status> made;  // how making the renderer ended
-  std::string compute_name, raster_name;
+  std::string compute_name, raster_name, raster_detail;
   std::vector<std::shared_ptr<Viewer>> viewers;
   std::unordered_map<const Viewer*, ViewControl> controls;  // of viewers that name no budget
   std::deque<std::pair<PictureRequest, PictureDone>> pictures;
@@ -186,6 +187,10 @@ std::string RenderLoop::compute_name() const {
   return state_->compute_name;
 }
 
+std::string RenderLoop::raster_detail() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->raster_detail;
+}
 std::string RenderLoop::raster_name() const {
   const std::lock_guard lock(state_->mutex);
   return state_->raster_name;
@@ -204,6 +209,7 @@ void RenderLoop::State::render_thread(MakeRenderer make_renderer) {
     if (made_renderer.ok()) {
       compute_name = (*made_renderer)->compute_name();
       raster_name = (*made_renderer)->raster_name();
+      raster_detail = (*made_renderer)->raster_detail();
     }
   }
   job_changed.notify_all();
@@ -375,6 +381,7 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   settings.look.channel_low = view.channel_low;
   settings.look.channel_high = view.channel_high;
   next.frame = std::make_shared<EncodedFrame>();
+  next.picture.may_stay = true;  // the encoder takes it from there
   const absl::Status status =
       renderer.render(*moment.crowd, scene_time_us, settings, next.picture, next.frame->stats);
   if (!status.ok()) {
@@ -467,6 +474,37 @@ void RenderLoop::State::record(const Recipients& recipients, const render::Frame
   }
 }
 
+namespace {
+
+/// The picture of a job into its frame, on the device where the picture is and can be encoded
+/// there.
+absl::Status encode(EncodeJob& job, render::JpegEncoder& jpeg) {
+  render::Picture& picture = job.picture;
+  const bool is_jpeg = job.format == ImageFormat::kJpeg;
+  if (const auto on_device = std::exchange(picture.on_device, nullptr)) {
+    std::vector<std::uint8_t> bytes;
+    const absl::Status made = is_jpeg ? on_device->encode_jpeg(job.jpeg_quality, bytes)
+                                      : absl::UnimplementedError("no PNG there");
+    if (made.ok()) {
+      job.frame->image.assign(bytes.begin(), bytes.end());
+      return made;
+    }
+    if (!absl::IsUnimplemented(made)) return made;
+    if (absl::Status status = on_device->fetch(picture.rgbx); !status.ok()) return status;
+  }
+  if (is_jpeg) {
+    const auto bytes =
+        jpeg.encode(picture.rgbx, picture.width_px, picture.height_px, job.jpeg_quality);
+    if (bytes.ok()) job.frame->image.assign(bytes->begin(), bytes->end());
+    return bytes.status();
+  }
+  const auto bytes = render::encode_png(picture.rgbx, picture.width_px, picture.height_px);
+  if (bytes.ok()) job.frame->image.assign(bytes->begin(), bytes->end());
+  return bytes.status();
+}
+
+}  // namespace
+
 void RenderLoop::State::encode_thread() {
   render::JpegEncoder jpeg;
   for (;;) {
@@ -481,18 +519,7 @@ void RenderLoop::State::encode_thread() {
     job_changed.notify_all();
 
     const Clock::time_point began = Clock::now();
-    absl::Status status;
-    const render::Picture& picture = current.picture;
-    if (current.format == ImageFormat::kJpeg) {
-      const auto bytes =
-          jpeg.encode(picture.rgbx, picture.width_px, picture.height_px, current.jpeg_quality);
-      status = bytes.status();
-      if (bytes.ok()) current.frame->image.assign(bytes->begin(), bytes->end());
-    } else {
-      const auto bytes = render::encode_png(picture.rgbx, picture.width_px, picture.height_px);
-      status = bytes.status();
-      if (bytes.ok()) current.frame->image.assign(bytes->begin(), bytes->end());
-    }
+    const absl::Status status = encode(current, jpeg);
     const Clock::time_point ended = Clock::now();
     current.frame->stats.times.encode_ms = milliseconds(ended - began);
     current.frame->server_ms = milliseconds(ended - current.began);

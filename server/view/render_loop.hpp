@@ -69,6 +69,7 @@ class RenderLoop {
 
   std::string compute_name() const;
   std::string raster_name() const;
+  std::string raster_detail() const;
   RenderLoopCounters counters() const;
 
  private:

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <limits>
 #include <mutex>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -16,8 +17,10 @@
 #include "render/compute/cuda/cast.hpp"
 #include "render/compute/cuda/device.hpp"
 #include "render/compute/cuda/device_frame.hpp"
+#include "render/compute/cuda/graph.hpp"
 #include "render/compute/cuda/launch.hpp"
 #include "render/compute/cuda/memory.hpp"
+#include "render/compute/cuda/stage_events.hpp"
 
 namespace throng::render {
 namespace cuda {
@@ -74,10 +77,32 @@ struct CudaView final : ViewWork {
         indices(stream),
         scratch(stream),
         sums(stream),
+        command(stream),
         counters(stream) {}
+
+  ~CudaView() override {
+    if (frame.drawn == nullptr) return;
+    cudaEventSynchronize(frame.drawn);
+    cudaEventDestroy(frame.drawn);
+  }
 
   ViewStage stage = ViewStage::kNew;
   std::shared_ptr<const CudaInstances> instances;
+  // what is to be launched still: all stages up to `allocate` go to the device as one graph
+  std::optional<CullJob> cull_job;
+  std::optional<SelectJob> select_job;
+  LaunchGraph graph;
+  enum Moment : std::size_t {
+    kBegun,
+    kCullEnds,
+    kSelectEnds,
+    kAllocateEnds,
+    kGenerateBegins,
+    kGenerateEnds,
+    kMoments
+  };
+  StageEvents<kMoments> moments;
+  DeviceTimes times;
   element::Projection projection;
   element::Frustum frustum;
   DeviceCounters seen;  // as of the last stage that read them back
@@ -100,9 +125,11 @@ struct CudaView final : ViewWork {
   DeviceBuffer<std::uint32_t> indices;
   DeviceBuffer<std::byte> scratch;
   DeviceBuffer<SelectSums> sums;
+  DeviceBuffer<DrawCommand> command;
   DeviceBuffer<DeviceCounters> counters;
   PinnedBuffer read_back;  // what a rasterizer on the processor draws from
   bool on_device = false;  // nothing but the counters is read back
+  bool read_instances = false;
   DeviceFrame frame;
   FrameGeometry geometry;  // spans of read_back, or the frame
 
@@ -286,7 +313,11 @@ class CudaBackend final : public ComputeBackend {
   }
 
   absl::StatusOr<std::unique_ptr<ViewWork>> make_view() override {
-    return std::make_unique<CudaView>(stream_);
+    auto view = std::make_unique<CudaView>(stream_);
+    THRONG_CUDA_TRY(cudaSetDevice(device_), "make_view");
+    THRONG_CUDA_TRY(cudaEventCreateWithFlags(&view->frame.drawn, cudaEventDisableTiming),
+                    "make_view");
+    return view;
   }
 
   absl::Status cull(ViewWork& view, std::shared_ptr<const Instances> instances,
@@ -299,6 +330,10 @@ class CudaBackend final : public ComputeBackend {
     if (absl::Status status = check_camera(camera, viewport); !status.ok()) return status;
     THRONG_CUDA_TRY(cudaSetDevice(device_), "cull");
     own->stage = ViewStage::kNew;
+    // the frame before may still be drawn
+    THRONG_CUDA_TRY(cudaStreamWaitEvent(stream_, own->frame.drawn, 0), "cull");
+    own->cull_job.reset();
+    own->select_job.reset();
     own->instances = std::move(own_instances);
     own->projection = projection_of(camera, viewport);
     own->frustum = element::frustum_from(clip_from_relative(camera, viewport));
@@ -323,7 +358,7 @@ class CudaBackend final : public ComputeBackend {
     job.distance_m = own->distance_m.data();
     job.counters = own->counters.data();
     job.agents = slots - own->instances->surrounding;
-    THRONG_CUDA_TRY(launch_cull(job, own->scratch.data(), scratch_bytes, stream_), "cull");
+    own->cull_job = job;
     own->seen = DeviceCounters();
     own->stage = ViewStage::kCulled;
     return absl::OkStatus();
@@ -348,6 +383,7 @@ class CudaBackend final : public ComputeBackend {
     THRONG_CUDA_TRY(own->triangle_count.resize(slots + 1), "select");
     THRONG_CUDA_TRY(own->sums.resize(1), "select");
     own->on_device = selection.on_device;
+    own->read_instances = selection.read_instances;
     own->share_poses = selection.pose_mode == PoseMode::kShared;
     own->fused = selection.geometry == GeometryKind::kFused;
     SelectJob job;
@@ -368,7 +404,7 @@ class CudaBackend final : public ComputeBackend {
     job.triangle_count = own->triangle_count.data();
     job.sums = own->sums.data();
     job.counters = own->counters.data();
-    THRONG_CUDA_TRY(launch_select(job, stream_), "select");
+    own->select_job = job;
     own->stage = ViewStage::kSelected;
     return absl::OkStatus();
   }
@@ -390,18 +426,39 @@ class CudaBackend final : public ComputeBackend {
     THRONG_CUDA_TRY(own->scratch.resize(scratch_bytes), "allocate");
     THRONG_CUDA_TRY(own->vertex_offset.resize(slots + 1), "allocate");
     THRONG_CUDA_TRY(own->triangle_offset.resize(slots + 1), "allocate");
+    THRONG_CUDA_TRY(own->command.resize(1), "allocate");
     AllocateJob job;
     job.slots = slots;
     job.vertex_count = own->vertex_count.data();
     job.triangle_count = own->triangle_count.data();
     job.vertex_offset = own->vertex_offset.data();
     job.triangle_offset = own->triangle_offset.data();
-    THRONG_CUDA_TRY(launch_allocate(job, own->scratch.data(), scratch_bytes, stream_), "allocate");
+    job.command = own->command.data();
     PosedJob posed;
     if (absl::Status status = posed_job(*own, posed); !status.ok()) return status;
-    THRONG_CUDA_TRY(launch_want_poses(posed, stream_), "allocate");
+    THRONG_CUDA_TRY(own->moments.make(), "allocate");
+    const auto launches = [&](cudaStream_t stream) -> absl::Status {
+      const auto passes = [&](CudaView::Moment moment) {
+        return own->moments.record(moment, stream, true);
+      };
+      THRONG_CUDA_TRY(passes(CudaView::kBegun), "cull");
+      if (absl::Status status = launch_pending_cull(*own, stream); !status.ok()) return status;
+      THRONG_CUDA_TRY(passes(CudaView::kCullEnds), "cull");
+      if (absl::Status status = launch_pending(*own, stream); !status.ok()) return status;
+      THRONG_CUDA_TRY(passes(CudaView::kSelectEnds), "select");
+      THRONG_CUDA_TRY(launch_allocate(job, own->scratch.data(), scratch_bytes, stream), "allocate");
+      THRONG_CUDA_TRY(launch_want_poses(posed, stream), "allocate");
+      THRONG_CUDA_TRY(passes(CudaView::kAllocateEnds), "allocate");
+      return absl::OkStatus();
+    };
+    absl::Status launched = own->graph.run(stream_, "allocate", launches);
+    if (!launched.ok()) return launched;
     // the one look of the host at a frame: how much room its buffers need
     if (absl::Status status = read_counters(*own); !status.ok()) return status;
+    own->times.cull_ms = own->moments.ms(CudaView::kBegun, CudaView::kCullEnds);
+    own->times.select_ms = own->moments.ms(CudaView::kCullEnds, CudaView::kSelectEnds);
+    own->times.allocate_ms = own->moments.ms(CudaView::kSelectEnds, CudaView::kAllocateEnds);
+    own->times.generate_ms = own->moments.ms(CudaView::kGenerateBegins, CudaView::kGenerateEnds);
     constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max();
     const DeviceCounters& seen = own->seen;
     if (seen.own_vertices > kMost || 3 * seen.own_triangles > kMost) {
@@ -425,6 +482,7 @@ class CudaBackend final : public ComputeBackend {
     }
     own->stage = ViewStage::kAllocated;
     THRONG_CUDA_TRY(cudaSetDevice(device_), "generate");
+    THRONG_CUDA_TRY(own->moments.record(CudaView::kGenerateBegins, stream_, false), "generate");
     if (absl::Status status = make_posed(*own); !status.ok()) return status;
     GenerateJob job;
     job.cast = own->instances->cast->device();
@@ -443,8 +501,9 @@ class CudaBackend final : public ComputeBackend {
     job.vertices = own->vertices.data();
     job.indices = own->indices.data();
     THRONG_CUDA_TRY(launch_generate(job, stream_), "generate");
+    THRONG_CUDA_TRY(own->moments.record(CudaView::kGenerateEnds, stream_, false), "generate");
     if (own->on_device) {
-      leave_geometry(*own);
+      if (absl::Status status = leave_geometry(*own); !status.ok()) return status;
     } else if (absl::Status status = read_geometry(*own); !status.ok()) {
       return status;
     }
@@ -458,13 +517,15 @@ class CudaBackend final : public ComputeBackend {
   }
 
   ComputeCounters counters(const ViewWork& view) const override {
-    const auto* own = dynamic_cast<const CudaView*>(&view);
+    // a view is used by one thread at a time, and what it waits for changes nothing of it
+    auto* own = const_cast<CudaView*>(dynamic_cast<const CudaView*>(&view));
     ComputeCounters counters;
     if (own == nullptr || own->stage < ViewStage::kCulled) return counters;
     counters.agents = own->instances->present;
     DeviceCounters seen = own->seen;
     if (own->stage < ViewStage::kAllocated &&
-        (cudaMemcpyAsync(&seen, own->counters.data(), sizeof seen, cudaMemcpyDeviceToHost,
+        (!launch_pending(*own, stream_).ok() ||
+         cudaMemcpyAsync(&seen, own->counters.data(), sizeof seen, cudaMemcpyDeviceToHost,
                          stream_) != cudaSuccess ||
          cudaStreamSynchronize(stream_) != cudaSuccess)) {
       return counters;
@@ -477,6 +538,7 @@ class CudaBackend final : public ComputeBackend {
     counters.effective_budget = seen.effective_budget;
     counters.shared_poses = seen.shared;
     counters.view_bytes = own->size_bytes();
+    counters.device = own->times;
     if (own->stage < ViewStage::kGenerated) return counters;
     counters.posed_meshes = own->posed_made;
     counters.posed_bytes = own->posed.size_bytes();
@@ -484,7 +546,7 @@ class CudaBackend final : public ComputeBackend {
   }
 
   absl::Status read_visible(const ViewWork& view, std::span<std::uint8_t> visible) override {
-    const auto* own = dynamic_cast<const CudaView*>(&view);
+    auto* own = const_cast<CudaView*>(dynamic_cast<const CudaView*>(&view));
     if (absl::Status status =
             check_stage("read_visible", stage_of(own), ViewStage::kCulled, "cull");
         !status.ok()) {
@@ -495,6 +557,7 @@ class CudaBackend final : public ComputeBackend {
                                                      " elements, must have ",
                                                      own->instances->count));
     }
+    if (absl::Status status = launch_pending(*own, stream_); !status.ok()) return status;
     THRONG_CUDA_TRY(cudaMemcpyAsync(visible.data(), own->mask.data(), visible.size(),
                                     cudaMemcpyDeviceToHost, stream_),
                     "read_visible");
@@ -561,6 +624,22 @@ class CudaBackend final : public ComputeBackend {
     result->columns.seed = reinterpret_cast<const std::uint32_t*>(base + seed);
     result->columns.character = reinterpret_cast<const std::uint16_t*>(base + character);
     roster_ = std::move(result);
+    return absl::OkStatus();
+  }
+
+  /// Stages that were only taken note of so far.
+  static absl::Status launch_pending_cull(CudaView& view, cudaStream_t stream) {
+    if (const auto job = std::exchange(view.cull_job, std::nullopt); job.has_value()) {
+      THRONG_CUDA_TRY(launch_cull(*job, view.scratch.data(), view.scratch.size_bytes(), stream),
+                      "cull");
+    }
+    return absl::OkStatus();
+  }
+  static absl::Status launch_pending(CudaView& view, cudaStream_t stream) {
+    if (absl::Status status = launch_pending_cull(view, stream); !status.ok()) return status;
+    if (const auto job = std::exchange(view.select_job, std::nullopt); job.has_value()) {
+      THRONG_CUDA_TRY(launch_select(*job, stream), "select");
+    }
     return absl::OkStatus();
   }
 
@@ -639,7 +718,7 @@ class CudaBackend final : public ComputeBackend {
   }
 
   /// For a rasterizer that draws from the device's memory.
-  void leave_geometry(CudaView& view) {
+  absl::Status leave_geometry(CudaView& view) {
     view.frame.stream = stream_;
     view.frame.instance_count = view.seen.visible;
     view.frame.vertex_count = view.seen.own_vertices;
@@ -652,8 +731,19 @@ class CudaBackend final : public ComputeBackend {
     view.frame.triangle_offset = view.triangle_offset.data();
     view.frame.vertices = view.vertices.data();
     view.frame.indices = view.indices.data();
+    view.frame.command = view.command.data();
     view.geometry = FrameGeometry();
     view.geometry.on_device = &view.frame;
+    const std::size_t count = view.seen.visible;
+    if (!view.read_instances || count == 0) return absl::OkStatus();
+    THRONG_CUDA_TRY(view.read_back.resize(count * sizeof(VisibleInstance)), "generate");
+    THRONG_CUDA_TRY(
+        cudaMemcpyAsync(view.read_back.data(), view.visible.data(), count * sizeof(VisibleInstance),
+                        cudaMemcpyDeviceToHost, stream_),
+        "generate");
+    THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), "generate");
+    view.geometry.instances = {static_cast<const VisibleInstance*>(view.read_back.data()), count};
+    return absl::OkStatus();
   }
 
   /// Copies the frame to the host, where all other rasterizers draw it from.

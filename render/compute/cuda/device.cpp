@@ -8,6 +8,7 @@
 
 #include <atomic>
 #include <limits>
+#include <utility>
 
 #include "render/compute/cuda/launch.hpp"
 #include "render/compute/cuda/memory.hpp"
@@ -16,6 +17,25 @@ namespace throng::render::cuda {
 namespace {
 
 std::atomic<int> chosen{0};
+std::atomic<std::uint64_t> held_bytes{0}, limit_bytes{std::numeric_limits<std::uint64_t>::max()};
+
+/// The allocation of this thread that did not fit; 0: none.
+thread_local std::uint64_t refused_bytes = 0;
+
+std::string refusal() {
+  const std::uint64_t wanted = std::exchange(refused_bytes, 0), limit = limit_bytes.load();
+  if (wanted == 0) return "";
+  std::size_t free_bytes = 0, total_bytes = 0;
+  if (cudaMemGetInfo(&free_bytes, &total_bytes) != cudaSuccess) free_bytes = total_bytes = 0;
+  const auto mib = [](std::uint64_t bytes) { return (bytes + (1 << 20) - 1) >> 20; };
+  std::string text = absl::StrCat("; needs ", mib(wanted), " MiB more than the ",
+                                  mib(held_bytes.load()), " MiB held, ");
+  if (held_bytes.load() + wanted > limit) {
+    return absl::StrCat(text, "the limit is ", limit >> 20, " MiB (--gpu-memory-mib)");
+  }
+  return absl::StrCat(text, free_bytes >> 20, " of the device's ", total_bytes >> 20,
+                      " MiB are free");
+}
 
 /// What can be done about an error, empty where nobody knows.
 const char* remedy_of(cudaError_t error) {
@@ -87,11 +107,38 @@ std::string version_text(int version) {
 
 absl::Status to_status(cudaError_t error, const char* call) {
   if (error == cudaSuccess) return absl::OkStatus();
-  const std::string text = absl::StrCat(call, ": ", cudaGetErrorString(error), " (",
-                                        cudaGetErrorName(error), ")", remedy_of(error));
+  const std::string text =
+      absl::StrCat(call, ": ", cudaGetErrorString(error), " (", cudaGetErrorName(error), ")",
+                   error == cudaErrorMemoryAllocation ? refusal() : "", remedy_of(error));
   cudaGetLastError();  // it sticks no longer than it is looked at
   if (error == cudaErrorMemoryAllocation) return absl::ResourceExhaustedError(text);
   return absl::InternalError(text);
+}
+
+cudaError_t allocate_device(void** data, std::size_t size_bytes, cudaStream_t stream) {
+  // first what is asked for is counted, so that two threads don't both take the last of it
+  const std::uint64_t held = held_bytes.fetch_add(size_bytes) + size_bytes;
+  const cudaError_t error = held > limit_bytes.load() ? cudaErrorMemoryAllocation
+                                                      : cudaMallocAsync(data, size_bytes, stream);
+  if (error != cudaSuccess) held_bytes.fetch_sub(size_bytes);
+  refused_bytes = error == cudaErrorMemoryAllocation ? size_bytes : 0;
+  return error;
+}
+
+void free_device(void* data, std::size_t size_bytes, cudaStream_t stream) {
+  cudaFreeAsync(data, stream);
+  held_bytes.fetch_sub(size_bytes);
+}
+
+void limit_device_memory(std::uint64_t size_bytes) { limit_bytes.store(size_bytes); }
+
+std::uint64_t device_memory_held() { return held_bytes.load(); }
+
+std::string device_key() {
+  int driver = 0;
+  cudaDriverGetVersion(&driver);
+  return absl::StrCat(device_name(chosen.load()), ", device ", chosen.load(), ", driver for CUDA ",
+                      version_text(driver));
 }
 
 absl::StatusOr<int> open_device(const char* call) {

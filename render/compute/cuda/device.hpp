@@ -15,6 +15,9 @@ absl::StatusOr<int> open_device(const char* call);
 /// "NVIDIA H200, compute 9.0".
 std::string device_name(int device);
 
+/// The chosen device and the driver.
+std::string device_key();
+
 absl::Status choose_device(const std::string& index_or_uuid);
 std::vector<std::string> describe_devices();
 

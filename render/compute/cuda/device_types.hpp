@@ -53,6 +53,13 @@ struct DeviceCast {
   const std::uint32_t* level_at = nullptr;       // finest level within so many vertices
 };
 
+/// What glDrawElementsIndirect takes.
+struct DrawCommand {
+  std::uint32_t index_count = 0, instance_count = 1, first_index = 0;
+  std::int32_t base_vertex = 0;
+  std::uint32_t base_instance = 0;
+};
+
 /// What the host reads back once a frame.
 struct DeviceCounters {
   std::uint32_t visible = 0;      // V
@@ -125,6 +132,7 @@ struct AllocateJob {
   const std::uint32_t* triangle_count = nullptr;  // [I+1]
   std::uint32_t* vertex_offset = nullptr;         // [I+1]
   std::uint32_t* triangle_offset = nullptr;       // [I+1]
+  DrawCommand* command = nullptr;                 // [1] that draws all of them
 };
 
 /// A posed mesh; stride 0: it is not there.

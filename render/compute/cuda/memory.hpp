@@ -4,6 +4,7 @@
 #include <cuda_runtime_api.h>
 
 #include <cstddef>
+#include <cstdint>
 #include <type_traits>
 #include <utility>
 
@@ -16,6 +17,15 @@ absl::Status to_status(cudaError_t error, const char* call);
   if (const cudaError_t try_error = (expression); try_error != cudaSuccess) { \
     return ::throng::render::cuda::to_status(try_error, call);                \
   }
+
+/// cudaMallocAsync within the limit of limit_device_memory: cudaErrorMemoryAllocation beyond it,
+/// and the next to_status of this thread says what was wanted and what there is.
+cudaError_t allocate_device(void** data, std::size_t size_bytes, cudaStream_t stream);
+void free_device(void* data, std::size_t size_bytes, cudaStream_t stream);
+
+/// Of all buffers of this process.
+void limit_device_memory(std::uint64_t size_bytes);
+std::uint64_t device_memory_held();
 
 /// Device memory of one stream that only grows; growing forgets the contents. It is given back in
 /// the order of the stream, so that a kernel still under way keeps what it reads.
@@ -37,10 +47,10 @@ class DeviceBuffer {
     const std::size_t capacity = size + size / 2;  // a crowd that grows slowly allocates rarely
     release();
     void* data = nullptr;
-    cudaError_t error = cudaMallocAsync(&data, capacity * sizeof(T), stream_);
+    cudaError_t error = allocate_device(&data, capacity * sizeof(T), stream_);
     if (error == cudaErrorMemoryAllocation) {  // with no room to grow it may fit
       cudaGetLastError();
-      error = cudaMallocAsync(&data, size * sizeof(T), stream_);
+      error = allocate_device(&data, size * sizeof(T), stream_);
       if (error == cudaSuccess) capacity_ = size;
     } else if (error == cudaSuccess) {
       capacity_ = capacity;
@@ -52,12 +62,13 @@ class DeviceBuffer {
   T* data() const { return data_; }
   std::size_t size_bytes() const { return capacity_ * sizeof(T); }
 
- private:
   void release() {
-    if (data_ != nullptr) cudaFreeAsync(data_, stream_);
+    if (data_ != nullptr) free_device(data_, size_bytes(), stream_);
     data_ = nullptr;
     capacity_ = 0;
   }
+
+ private:
   cudaStream_t stream_;
   T* data_ = nullptr;
   std::size_t capacity_ = 0;

@@ -114,6 +114,12 @@ __global__ void assign_kernel(SelectJob job) {
   add_up(triangles, &job.counters->own_triangles);
 }
 
+__global__ void command_kernel(AllocateJob job) {
+  DrawCommand command;
+  command.index_count = 3 * job.triangle_offset[job.slots];
+  *job.command = command;
+}
+
 }  // namespace
 
 cudaError_t launch_select(const SelectJob& job, cudaStream_t stream) {
@@ -140,8 +146,13 @@ cudaError_t launch_allocate(const AllocateJob& job, void* scratch, std::size_t s
       error != cudaSuccess) {
     return error;
   }
-  return launch_scan(job.triangle_count, job.triangle_offset, count, scratch, scratch_bytes,
-                     stream);
+  if (const cudaError_t error = launch_scan(job.triangle_count, job.triangle_offset, count, scratch,
+                                            scratch_bytes, stream);
+      error != cudaSuccess) {
+    return error;
+  }
+  THRONG_LAUNCH_APART(command_kernel, 1, 1, stream, job);
+  return cudaGetLastError();
 }
 
 }  // namespace throng::render::cuda

@@ -88,6 +88,7 @@ class Interop final : public CudaInterop {
   }
   unsigned vertices() const override { return vertices_.name(); }
   unsigned indices() const override { return indices_.name(); }
+  unsigned command() const override { return command_.name(); }
 
  private:
   static std::size_t vertex_bytes(const cuda::DeviceFrame& frame) {
@@ -102,14 +103,18 @@ class Interop final : public CudaInterop {
     if (frame.triangle_count == 0) return absl::OkStatus();
     if (auto status = vertices_.reserve(vertex_bytes(frame)); !status.ok()) return status;
     if (auto status = indices_.reserve(index_bytes(frame)); !status.ok()) return status;
-    cudaGraphicsResource_t both[] = {vertices_.resource(), indices_.resource()};
-    THRONG_CUDA_TRY(cudaGraphicsMapResources(2, both, frame.stream), kCall);
+    if (auto status = command_.reserve(sizeof(cuda::DrawCommand)); !status.ok()) return status;
+    cudaGraphicsResource_t all[] = {vertices_.resource(), indices_.resource(), command_.resource()};
+    THRONG_CUDA_TRY(cudaGraphicsMapResources(3, all, frame.stream), kCall);
     cudaError_t error = vertices_.copy(frame.vertices, vertex_bytes(frame), frame.stream);
     if (error == cudaSuccess) {
       error = indices_.copy(frame.indices, index_bytes(frame), frame.stream);
     }
+    if (error == cudaSuccess) {
+      error = command_.copy(frame.command, sizeof(cuda::DrawCommand), frame.stream);
+    }
     // what OpenGL does next comes after the copies; whatever failed, it gets its buffers back
-    const cudaError_t unmapped = cudaGraphicsUnmapResources(2, both, frame.stream);
+    const cudaError_t unmapped = cudaGraphicsUnmapResources(3, all, frame.stream);
     return cuda::to_status(error != cudaSuccess ? error : unmapped, kCall);
   }
 
@@ -141,7 +146,7 @@ class Interop final : public CudaInterop {
   }
 
   int device_;
-  SharedBuffer vertices_, indices_;
+  SharedBuffer vertices_, indices_, command_;
   cuda::PinnedBuffer lists_;
 };
 

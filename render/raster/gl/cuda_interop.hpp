@@ -23,6 +23,7 @@ class CudaInterop {
   virtual absl::StatusOr<FrameGeometry> stage(const DeviceGeometry& geometry) = 0;
   virtual unsigned vertices() const = 0;  // names of buffers
   virtual unsigned indices() const = 0;
+  virtual unsigned command() const = 0;  // for glDrawElementsIndirect
 };
 
 /// Unavailable when the current context draws on another device, or on none that CUDA knows of.

@@ -553,8 +553,13 @@ class GlRasterizer final : public Rasterizer {
       glBindTextureUnit(0, base_color_);
       glBindTextureUnit(1, tint_mask_);
       glBindVertexArray(mesh_array_);
-      glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(geometry.indices.size()), GL_UNSIGNED_INT,
-                     nullptr);
+      if (on_device_) {  // how many there are is known there
+        glBindBuffer(GL_DRAW_INDIRECT_BUFFER, interop_->command());
+        glDrawElementsIndirect(GL_TRIANGLES, GL_UNSIGNED_INT, nullptr);
+      } else {
+        glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(geometry.indices.size()), GL_UNSIGNED_INT,
+                       nullptr);
+      }
     }
 
     reliefs_.draw(search);

@@ -6,6 +6,7 @@
 #include <cstdio>
 
 #include "bench/experiments/clock.hpp"
+#include "bench/experiments/gpu_frames.hpp"
 #include "bench/experiments/numbers.hpp"
 #include "bench/experiments/options.hpp"
 #include "bench/experiments/raster_case.hpp"
@@ -133,6 +134,11 @@ absl::Status run_gpu(const Common& common, std::uint32_t draws) {
                    {"one_atomic_g_per_s", rates.one_atomic_g_per_s},
                    {"used_mib", rates.used_mib}};
 #endif
+  if (common.cast != nullptr) {
+    auto frames = measure_gpu_frames(common, draws);
+    if (!frames.ok()) return frames.status();
+    json["frames"] = *std::move(frames);
+  }
   if (common.json.empty()) return absl::OkStatus();
   return write_json(common.json, json);
 }

@@ -8,10 +8,13 @@
 #include "render/compute/cuda/cuda_backend.hpp"
 #include "render/compute/frame_fixture.hpp"
 #include "render/raster/visibility/cuda/cuda_rasterizer.hpp"
+#include "throng/render/device_picture.hpp"
 #include "throng/render/environment.hpp"
 #include "throng/render/raster.hpp"
 #if THRONG_CUDA_ON_HOST
 #include <cuda_runtime_api.h>
+
+#include "render/compute/cuda/memory.hpp"
 #endif
 
 namespace throng::render {
@@ -224,6 +227,35 @@ TEST_P(CudaFrameTest, IsTheProcessorsPicture) {
   EXPECT_EQ(through_host.rgbx, expected.rgbx);
 }
 
+TEST_P(CudaFrameTest, TellsWhatEachPixelShowsAsTheProcessor) {
+  const Scene& scene = GetParam();
+  Surroundings surroundings;
+  const auto cast = cast_of(scene, surroundings);
+  const auto crowd = crowd_of(scene, cast);
+  Renderer cpu = Renderer::on_processor(), cuda = Renderer::on_cuda();
+  PixelFacts expected, actual;
+  for (Renderer* renderer : {&cpu, &cuda}) {
+    ASSERT_TRUE(renderer->upload(cast).ok());
+    ASSERT_TRUE(generate(*renderer, scene, *crowd, surroundings).ok());
+    ASSERT_TRUE(renderer->rasterizer->keep_facts(renderer == &cpu ? &expected : &actual).ok());
+    Picture picture;
+    const FrameGeometry geometry = renderer->backend->geometry(*renderer->view);
+    const absl::Status status = draw(*renderer, geometry, scene, picture);
+    ASSERT_TRUE(status.ok()) << status;
+  }
+  EXPECT_EQ(expected.depth, actual.depth);
+  EXPECT_EQ(expected.instance, actual.instance);
+  ASSERT_EQ(expected.bounds.size(), actual.bounds.size());
+  for (std::size_t pixel = 0; pixel < actual.instance.size(); ++pixel) {
+    if (actual.instance[pixel] == PixelFacts::kNothing) continue;
+    const PixelBox& box = actual.bounds[actual.instance[pixel]];
+    const auto x = static_cast<std::int32_t>(pixel % scene.viewport.width_px);
+    const auto y = static_cast<std::int32_t>(pixel / scene.viewport.width_px);
+    ASSERT_TRUE(box.x_low <= x && x <= box.x_high && box.y_low <= y && y <= box.y_high)
+        << "pixel " << x << ", " << y;
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(
     Scenes, CudaFrameTest,
     testing::Values(Scene{.name = "Nobody"}, Scene{.name = "Crowd", .agents = 60},
@@ -287,6 +319,38 @@ INSTANTIATE_TEST_SUITE_P(
                           .pose_mode = kShared,
                           .geometry = kFused}),
     name_of);
+
+TEST_F(CudaFrameTest, LeavesPicturesOnTheDeviceUntilTheyAreFetched) {
+  const Scene scene{.agents = 40};
+  Surroundings none;
+  const auto cast = cast_of(scene, none);
+  const auto crowd = crowd_of(scene, cast);
+  Renderer cuda = Renderer::on_cuda();
+  ASSERT_TRUE(cuda.upload(cast).ok());
+  ASSERT_TRUE(generate(cuda, scene, *crowd, none).ok());
+  const FrameGeometry geometry = cuda.backend->geometry(*cuda.view);
+  Picture expected;
+  ASSERT_TRUE(draw(cuda, geometry, scene, expected).ok());
+  // two are under way while a third is drawn; they outlive who drew them
+  Picture pictures[3];
+  for (Picture& picture : pictures) {
+    picture.may_stay = true;
+    const absl::Status status = draw(cuda, geometry, scene, picture);
+    ASSERT_TRUE(status.ok()) << status;
+    ASSERT_NE(picture.on_device, nullptr);
+    EXPECT_TRUE(picture.rgbx.empty());
+  }
+  cuda.rasterizer.reset();
+  for (Picture& picture : pictures) {
+    const absl::Status status = picture.on_device->fetch(picture.rgbx);
+    ASSERT_TRUE(status.ok()) << status;
+    EXPECT_EQ(picture.rgbx, expected.rgbx);
+    std::vector<std::uint8_t> jpeg;
+    const absl::Status encoded = picture.on_device->encode_jpeg(80, jpeg);
+    EXPECT_TRUE(encoded.ok() || absl::IsUnimplemented(encoded)) << encoded;
+    EXPECT_EQ(encoded.ok(), !jpeg.empty());
+  }
+}
 
 TEST_F(CudaFrameTest, KeepsPosedMeshesFromFrameToFrame) {
   Scene scene{.agents = 80, .pose_mode = kShared, .geometry = kFused};
@@ -367,6 +431,25 @@ TEST_F(CudaFaultTest, RunsOutOfMemoryWithoutLosingTheRest) {
   faults = {};
   const absl::Status again = draw(cuda, cuda.backend->geometry(*cuda.view), scene, picture);
   EXPECT_TRUE(again.ok()) << again;
+}
+
+TEST_F(CudaFaultTest, KeepsToItsLimitOfMemory) {
+  const Scene scene{.agents = 50};
+  Surroundings none;
+  const auto cast = cast_of(scene, none);
+  const auto crowd = crowd_of(scene, cast);
+  Renderer first = Renderer::on_cuda(), second = Renderer::on_cuda();
+  ASSERT_TRUE(first.upload(cast).ok());
+  ASSERT_TRUE(generate(first, scene, *crowd, none).ok());
+  render::cuda::limit_device_memory(render::cuda::device_memory_held());
+  const absl::Status refused = second.upload(cast);
+  render::cuda::limit_device_memory(UINT64_MAX);
+  EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted) << refused;
+  EXPECT_NE(refused.message().find("--gpu-memory-mib"), std::string::npos) << refused;
+  // the others go on, and so does who was refused once there is room
+  Picture picture;
+  EXPECT_TRUE(draw(first, first.backend->geometry(*first.view), scene, picture).ok());
+  EXPECT_TRUE(second.upload(cast).ok());
 }
 
 TEST_F(CudaFaultTest, TellsOfAKernelThatWentWrong) {

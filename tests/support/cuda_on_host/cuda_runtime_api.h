@@ -30,6 +30,7 @@ enum cudaError_t {
   cudaErrorInsufficientDriver = 35,
   cudaErrorNoDevice = 100,
   cudaErrorNoKernelImageForDevice = 209,
+  cudaErrorNotReady = 600,
   cudaErrorIllegalAddress = 700,
   cudaErrorLaunchFailure = 719,
 };
@@ -39,6 +40,10 @@ inline constexpr unsigned cudaStreamNonBlocking = 1, cudaEventDisableTiming = 2;
 using cudaStream_t = struct CudaOnHostStream*;
 using cudaEvent_t = struct CudaOnHostEvent*;
 using cudaMemPool_t = struct CudaOnHostPool*;
+using cudaGraph_t = struct CudaOnHostGraph*;
+using cudaGraphExec_t = struct CudaOnHostGraphExec*;
+enum cudaStreamCaptureMode { cudaStreamCaptureModeThreadLocal };
+struct cudaGraphExecUpdateResultInfo {};
 struct cudaUUID_t {
   char bytes[16];
 };
@@ -62,6 +67,9 @@ struct Faults {
   std::size_t most_bytes = SIZE_MAX;  // of one allocation
 };
 inline Faults faults;
+
+/// True between the begin and the end of a capture, where memory may not be had and nobody waits.
+inline bool captures = false;
 
 /// The threads of one block.
 class Block {
@@ -238,6 +246,7 @@ inline void launch_apart(unsigned blocks, unsigned threads, const std::function<
 }
 
 inline cudaError_t allocate(void** data, std::size_t size_bytes) {
+  if (captures) return cudaErrorInvalidValue;
   if (size_bytes > faults.most_bytes) return cudaErrorMemoryAllocation;
   *data = std::malloc(size_bytes);
   if (*data == nullptr) return cudaErrorMemoryAllocation;
@@ -294,6 +303,12 @@ template <typename T>
 T atomicAdd(T* at, std::type_identity_t<T> value) {
   const T old = *at;
   *at = old + value;
+  return old;
+}
+template <typename T>
+T atomicMin(T* at, std::type_identity_t<T> value) {
+  const T old = *at;
+  if (value < old) *at = value;
   return old;
 }
 template <typename T>
@@ -358,7 +373,31 @@ inline cudaError_t cudaStreamCreateWithFlags(cudaStream_t* stream, unsigned) {
   return cudaSuccess;
 }
 inline cudaError_t cudaStreamDestroy(cudaStream_t) { return cudaSuccess; }
+// what is captured runs at once, so launching the graph has nothing left to do
+inline cudaError_t cudaStreamBeginCapture(cudaStream_t, cudaStreamCaptureMode) {
+  if (std::exchange(throng::test::cuda_on_host::captures, true)) return cudaErrorInvalidValue;
+  return cudaSuccess;
+}
+inline cudaError_t cudaStreamEndCapture(cudaStream_t, cudaGraph_t* graph) {
+  static char any;
+  *graph = reinterpret_cast<cudaGraph_t>(&any);
+  return std::exchange(throng::test::cuda_on_host::captures, false) ? cudaSuccess
+                                                                    : cudaErrorInvalidValue;
+}
+inline cudaError_t cudaGraphInstantiate(cudaGraphExec_t* ready, cudaGraph_t graph, unsigned) {
+  *ready = reinterpret_cast<cudaGraphExec_t>(graph);
+  return cudaSuccess;
+}
+inline cudaError_t cudaGraphExecUpdate(cudaGraphExec_t, cudaGraph_t,
+                                       cudaGraphExecUpdateResultInfo*) {
+  return cudaSuccess;
+}
+inline cudaError_t cudaGraphLaunch(cudaGraphExec_t, cudaStream_t) { return cudaSuccess; }
+inline cudaError_t cudaGraphDestroy(cudaGraph_t) { return cudaSuccess; }
+inline cudaError_t cudaGraphExecDestroy(cudaGraphExec_t) { return cudaSuccess; }
+inline cudaError_t cudaEventQuery(cudaEvent_t) { return cudaSuccess; }
 inline cudaError_t cudaStreamSynchronize(cudaStream_t) {
+  if (throng::test::cuda_on_host::captures) return cudaErrorInvalidValue;
   return throng::test::cuda_on_host::faults.wait;
 }
 inline cudaError_t cudaStreamWaitEvent(cudaStream_t, cudaEvent_t, unsigned) { return cudaSuccess; }
@@ -387,6 +426,10 @@ inline cudaError_t cudaMemGetInfo(std::size_t* free_bytes, std::size_t* total_by
 }
 inline cudaError_t cudaEventDestroy(cudaEvent_t) { return cudaSuccess; }
 inline cudaError_t cudaEventRecord(cudaEvent_t, cudaStream_t) { return cudaSuccess; }
+inline constexpr unsigned cudaEventRecordDefault = 0, cudaEventRecordExternal = 1;
+inline cudaError_t cudaEventRecordWithFlags(cudaEvent_t, cudaStream_t, unsigned) {
+  return cudaSuccess;
+}
 inline cudaError_t cudaEventSynchronize(cudaEvent_t) { return cudaSuccess; }
 inline cudaError_t cudaDeviceGetDefaultMemPool(cudaMemPool_t* pool, int) {
   *pool = nullptr;

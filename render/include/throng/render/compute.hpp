@@ -83,8 +83,9 @@ struct Selection {
   MixedForms mixed{};
   // diameter of the points of who is drawn so; as many points as need not be larger
   float point_size_px = 1.25F;
-  MotionUpdate motion = {};  // of agents with vertices of their own
-  bool on_device = false;    // leave geometry where it was made; of cuda only
+  MotionUpdate motion = {};     // of agents with vertices of their own
+  bool on_device = false;       // leave geometry where it was made; of cuda only
+  bool read_instances = false;  // of what is left there, the visible instances are read back
 };
 
 struct SpeckTable;  // render/compute/cpu/speck_table.hpp
@@ -126,6 +127,12 @@ struct FrameGeometry {
   const DeviceGeometry* on_device = nullptr;  // else the spans are empty
 };
 
+/// Milliseconds on a device by its own clock, 0 where none is.
+struct DeviceTimes {
+  double cull_ms = 0, select_ms = 0, allocate_ms = 0;
+  double generate_ms = 0;  // of the frame before, as nobody waits for this one's
+};
+
 /// Counters of the last frame of a view.
 struct ComputeCounters {
   std::uint32_t agents = 0, visible = 0;          // without what stands around
@@ -137,6 +144,7 @@ struct ComputeCounters {
   std::uint32_t posed_meshes = 0;      // made for this frame; the rest were there
   std::uint64_t view_bytes = 0;        // memory of the view
   std::uint64_t posed_bytes = 0;       // of posed meshes, shared by all views
+  DeviceTimes device;
 };
 
 /// The data-parallel steps of one frame, on the processor or on the GPU.

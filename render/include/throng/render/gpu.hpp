@@ -2,6 +2,7 @@
 
 #include <absl/status/status.h>
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,16 @@ namespace throng::render {
 /// (CUDA_VISIBLE_DEVICES renumbers), or a UUID as `nvidia-smi -L` shows it or its beginning. Empty:
 /// the first. Unavailable without a device, NotFound with those there are.
 absl::Status choose_gpu(const std::string& index_or_uuid);
+
+/// Device memory that this process may take, pictures and drivers' own needs apart. What needs more
+/// is refused (ResourceExhausted, with need and limit), and all else goes on.
+void limit_gpu_memory(std::uint64_t size_bytes);
+
+/// Of it, what is taken.
+std::uint64_t gpu_memory_held();
+
+/// The chosen device and the driver; empty: none is built in.
+std::string gpu_key();
 
 /// The driver, and a line for each CUDA device: whether this program runs there, or why not. For
 /// `throng doctor`.

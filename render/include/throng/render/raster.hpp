@@ -57,6 +57,8 @@ struct RasterCounters {
   std::uint64_t shaded = 0;      // pixels of figures, once for each instance seen in them
   std::uint64_t size_bytes = 0;  // memory of the rasterizer, textures included
   double device_ms = 0;          // from the geometry to the picture, on a device that counts it
+  // of it: who casts shadows, and those; all triangles; shading
+  double device_shadows_ms = 0, device_triangles_ms = 0, device_resolve_ms = 0;
 };
 
 /// Pixels, inclusive; x_low > x_high: none.

@@ -4,6 +4,7 @@
 #include <cuda_runtime_api.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cstring>
 #include <utility>
 #include <vector>
@@ -11,10 +12,13 @@
 #include "render/compute/cpu/levels.hpp"
 #include "render/compute/cuda/device.hpp"
 #include "render/compute/cuda/device_frame.hpp"
+#include "render/compute/cuda/graph.hpp"
 #include "render/compute/cuda/launch.hpp"
 #include "render/compute/cuda/memory.hpp"
+#include "render/compute/cuda/stage_events.hpp"
 #include "render/raster/scene.hpp"
 #include "render/raster/visibility/cpu/shade.hpp"
+#include "render/raster/visibility/cuda/device_picture.hpp"
 #include "render/raster/visibility/cuda/launch.hpp"
 #include "render/raster/visibility/element/word.hpp"
 
@@ -61,11 +65,16 @@ class CudaRasterizer final : public Rasterizer {
 
   RasterInfo info() const override {
     return {absl::StrCat("visibility (cuda, ", device_name_, ")"),
-            absl::StrCat("CUDA visibility rasterizer, ", device_name_, ", 4 samples a pixel")};
+            absl::StrCat("CUDA visibility rasterizer, ", device_name_,
+                         ", 4 samples a pixel; JPEG by ", jpeg_encoder_name())};
   }
   bool takes_device() const override { return true; }
   bool takes_fused() const override { return true; }
   RasterCounters counters() const override { return counters_; }
+  absl::Status keep_facts(PixelFacts* facts) override {
+    facts_ = facts;
+    return absl::OkStatus();
+  }
 
   absl::Status upload(std::shared_ptr<const Cast> cast) override;
   absl::Status draw(const FrameGeometry& geometry, const Camera& camera, const Viewport& viewport,
@@ -106,7 +115,9 @@ class CudaRasterizer final : public Rasterizer {
           words(s),
           shadow(s),
           blob_shadow(s),
-          pixels(s),
+          fact_depth(s),
+          fact_instance(s),
+          fact_bounds(s),
           scratch(s) {}
     // the cast
     DeviceBuffer<RasterCharacter> character;
@@ -134,9 +145,12 @@ class CudaRasterizer final : public Rasterizer {
     DeviceBuffer<glm::uvec2> blob_tiles;
     DeviceBuffer<RasterCounts> counts;
     DeviceBuffer<Word> words;
-    DeviceBuffer<std::uint32_t> shadow, blob_shadow, pixels;
+    DeviceBuffer<std::uint32_t> shadow, blob_shadow;
+    DeviceBuffer<float> fact_depth;
+    DeviceBuffer<std::uint32_t> fact_instance;
+    DeviceBuffer<FactBox> fact_bounds;
     DeviceBuffer<std::byte> scratch;
-    PinnedBuffer read_back;  // the picture and the counts
+    PinnedBuffer read_back;  // the counts
 
     std::uint64_t size_bytes() const {
       const auto sum = [](const auto&... buffer) { return (buffer.size_bytes() + ...); };
@@ -144,7 +158,7 @@ class CudaRasterizer final : public Rasterizer {
                  small_units, large_units, instance, vertex_offset, triangle_offset, vertices,
                  indices, shade, block_count, first_block, block_instance, projected, special,
                  large, tiles, candidates, casters, blobs, blob_tiles, counts, words, shadow,
-                 blob_shadow, pixels, scratch);
+                 blob_shadow, fact_depth, fact_instance, fact_bounds, scratch);
     }
   };
 
@@ -163,7 +177,10 @@ class CudaRasterizer final : public Rasterizer {
   absl::Status check(const FrameGeometry& geometry, const Viewport& viewport) const;
   absl::Status take_geometry(const FrameGeometry& geometry, RasterJob& job);
   absl::Status make_room(RasterJob& job, std::uint32_t most_blocks);
-  absl::Status run(const RasterJob& job, std::uint32_t most_blocks);
+  absl::Status run(const RasterJob& job, std::uint32_t most_blocks, cudaStream_t stream);
+  absl::StatusOr<std::shared_ptr<CudaPicture>> free_picture();
+  absl::Status read_facts(const RasterJob& job);
+  void take_counts();
 
   int device_;
   cudaStream_t stream_ = nullptr;
@@ -174,6 +191,12 @@ class CudaRasterizer final : public Rasterizer {
   std::unique_ptr<Buffers> buffers_;
   RasterCast device_cast_;
   RasterCounters counters_;
+  render::cuda::LaunchGraph graph_;
+  enum Moment : std::size_t { kBegun, kShadowsEnd, kTrianglesEnd, kResolveEnds, kMoments };
+  render::cuda::StageEvents<kMoments> moments_;
+  PixelFacts* facts_ = nullptr;                         // null: nobody asks
+  std::vector<std::shared_ptr<CudaPicture>> pictures_;  // those that nobody else has are free
+  bool counts_pending_ = false;                         // of the frame before
 };
 
 absl::Status CudaRasterizer::upload(std::shared_ptr<const Cast> cast) {
@@ -322,11 +345,16 @@ absl::Status CudaRasterizer::make_room(RasterJob& job, std::uint32_t most_blocks
   Buffers& b = *buffers_;
   const std::size_t pixels = std::size_t{job.width_px} * job.height_px;
   const std::size_t words = std::size_t{16} * job.word_blocks_x * ((2 * job.height_px + 3) / 4);
-  THRONG_CUDA_TRY(b.pixels.resize(pixels), kDraw);
   THRONG_CUDA_TRY(b.counts.resize(1), kDraw);
-  job.pixels = b.pixels.data();
   job.counts = b.counts.data();
-  THRONG_CUDA_TRY(cudaMemsetAsync(job.counts, 0, sizeof(RasterCounts), stream_), kDraw);
+  if (facts_ != nullptr) {
+    THRONG_CUDA_TRY(b.fact_depth.resize(pixels), kDraw);
+    THRONG_CUDA_TRY(b.fact_instance.resize(pixels), kDraw);
+    THRONG_CUDA_TRY(b.fact_bounds.resize(job.count), kDraw);
+    job.fact_depth = b.fact_depth.data();
+    job.fact_instance = b.fact_instance.data();
+    job.fact_bounds = b.fact_bounds.data();
+  }
   if (job.count == 0) return absl::OkStatus();
   std::size_t scratch_bytes = 0;
   THRONG_CUDA_TRY(render::cuda::scan_scratch_bytes(job.count + 1, scratch_bytes), kDraw);
@@ -357,7 +385,6 @@ absl::Status CudaRasterizer::make_room(RasterJob& job, std::uint32_t most_blocks
   job.large = b.large.data();
   job.tiles = b.tiles.data();
   job.words = b.words.data();
-  THRONG_CUDA_TRY(cudaMemsetAsync(job.words, 0, words * sizeof(Word), stream_), kDraw);
   if (!job.scene.shadows) return absl::OkStatus();
   THRONG_CUDA_TRY(b.candidates.resize(job.count), kDraw);
   THRONG_CUDA_TRY(b.casters.resize(job.count), kDraw);
@@ -371,28 +398,89 @@ absl::Status CudaRasterizer::make_room(RasterJob& job, std::uint32_t most_blocks
   job.blob_tiles = b.blob_tiles.data();
   job.shadow = b.shadow.data();
   job.blob_shadow = b.blob_shadow.data();
-  THRONG_CUDA_TRY(cudaMemsetAsync(job.shadow, 0, words * sizeof(std::uint32_t), stream_), kDraw);
-  THRONG_CUDA_TRY(cudaMemsetAsync(job.blob_shadow, 0, pixels * sizeof(std::uint32_t), stream_),
-                  kDraw);
   return absl::OkStatus();
 }
 
-absl::Status CudaRasterizer::run(const RasterJob& job, std::uint32_t most_blocks) {
+absl::Status CudaRasterizer::run(const RasterJob& job, std::uint32_t most_blocks,
+                                 cudaStream_t stream) {
   Buffers& b = *buffers_;
+  const std::size_t pixels = std::size_t{job.width_px} * job.height_px;
+  const std::size_t words = std::size_t{16} * job.word_blocks_x * ((2 * job.height_px + 3) / 4);
+  THRONG_CUDA_TRY(moments_.record(kBegun, stream, true), kDraw);
+  THRONG_CUDA_TRY(cudaMemsetAsync(job.counts, 0, sizeof(RasterCounts), stream), kDraw);
   if (job.count > 0) {
-    THRONG_CUDA_TRY(launch_prepare(job, stream_), kDraw);
-    std::size_t scratch_bytes = 0;
-    THRONG_CUDA_TRY(render::cuda::scan_scratch_bytes(job.count + 1, scratch_bytes), kDraw);
+    THRONG_CUDA_TRY(cudaMemsetAsync(job.words, 0, words * sizeof(Word), stream), kDraw);
+    if (job.scene.shadows) {
+      THRONG_CUDA_TRY(cudaMemsetAsync(job.shadow, 0, words * sizeof(std::uint32_t), stream), kDraw);
+      THRONG_CUDA_TRY(cudaMemsetAsync(job.blob_shadow, 0, pixels * sizeof(std::uint32_t), stream),
+                      kDraw);
+    }
+    THRONG_CUDA_TRY(launch_prepare(job, stream), kDraw);
     THRONG_CUDA_TRY(render::cuda::launch_scan(job.block_count, job.first_block, job.count + 1,
-                                              b.scratch.data(), scratch_bytes, stream_),
+                                              b.scratch.data(), b.scratch.size_bytes(), stream),
                     kDraw);
-    THRONG_CUDA_TRY(launch_shadows(job, stream_), kDraw);
-    THRONG_CUDA_TRY(launch_raster(job, most_blocks, stream_), kDraw);
-    THRONG_CUDA_TRY(launch_shared(job, stream_), kDraw);
-    THRONG_CUDA_TRY(launch_large(job, stream_), kDraw);
+    THRONG_CUDA_TRY(launch_shadows(job, stream), kDraw);
   }
-  THRONG_CUDA_TRY(launch_resolve(job, stream_), kDraw);
+  THRONG_CUDA_TRY(moments_.record(kShadowsEnd, stream, true), kDraw);
+  if (job.count > 0) {
+    THRONG_CUDA_TRY(launch_raster(job, most_blocks, stream), kDraw);
+    THRONG_CUDA_TRY(launch_shared(job, stream), kDraw);
+    THRONG_CUDA_TRY(launch_large(job, stream), kDraw);
+  }
+  THRONG_CUDA_TRY(moments_.record(kTrianglesEnd, stream, true), kDraw);
+  THRONG_CUDA_TRY(launch_resolve(job, stream), kDraw);
+  THRONG_CUDA_TRY(moments_.record(kResolveEnds, stream, true), kDraw);
+  THRONG_CUDA_TRY(launch_facts(job, stream), kDraw);
   return absl::OkStatus();
+}
+
+/// Room for a picture that nobody looks at any more.
+absl::StatusOr<std::shared_ptr<CudaPicture>> CudaRasterizer::free_picture() {
+  for (const std::shared_ptr<CudaPicture>& picture : pictures_) {
+    if (picture.use_count() != 1) continue;
+    std::atomic_thread_fence(std::memory_order_acquire);  // what its last user did is done
+    return picture;
+  }
+  auto picture = CudaPicture::make(device_);
+  if (picture.ok()) pictures_.push_back(*picture);
+  return picture;
+}
+
+absl::Status CudaRasterizer::read_facts(const RasterJob& job) {
+  const std::size_t pixels = std::size_t{job.width_px} * job.height_px;
+  static_assert(sizeof(FactBox) == sizeof(PixelBox));
+  facts_->depth.resize(pixels);
+  facts_->instance.resize(pixels);
+  facts_->bounds.resize(job.count);
+  const auto fetch = [&](auto& to, const void* from) {
+    return to.empty() ? cudaSuccess
+                      : cudaMemcpyAsync(to.data(), from, to.size() * sizeof(to[0]),
+                                        cudaMemcpyDeviceToHost, stream_);
+  };
+  THRONG_CUDA_TRY(fetch(facts_->depth, job.fact_depth), kDraw);
+  THRONG_CUDA_TRY(fetch(facts_->instance, job.fact_instance), kDraw);
+  THRONG_CUDA_TRY(fetch(facts_->bounds, job.fact_bounds), kDraw);
+  THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), kDraw);
+  return absl::OkStatus();
+}
+
+/// What the last frame that is done counted.
+void CudaRasterizer::take_counts() {
+  if (!counts_pending_ || cudaEventQuery(ended_) != cudaSuccess) {
+    cudaGetLastError();  // not yet is no error
+    return;
+  }
+  counts_pending_ = false;
+  RasterCounts counts;
+  std::memcpy(&counts, buffers_->read_back.data(), sizeof counts);
+  counters_.surviving = counts.surviving;
+  float device_ms = 0.0F;
+  if (cudaEventElapsedTime(&device_ms, began_, ended_) == cudaSuccess) {
+    counters_.device_ms = static_cast<double>(device_ms);
+    counters_.device_shadows_ms = moments_.ms(kBegun, kShadowsEnd);
+    counters_.device_triangles_ms = moments_.ms(kShadowsEnd, kTrianglesEnd);
+    counters_.device_resolve_ms = moments_.ms(kTrianglesEnd, kResolveEnds);
+  }
 }
 
 absl::Status CudaRasterizer::draw(const FrameGeometry& geometry, const Camera& camera,
@@ -418,41 +506,50 @@ absl::Status CudaRasterizer::draw(const FrameGeometry& geometry, const Camera& c
     return absl::ResourceExhaustedError(absl::StrCat(
         kDraw, ": up to ", most_blocks, " triangle blocks, at most ", element::kMaxBlocks));
   }
-  THRONG_CUDA_TRY(cudaEventRecord(began_, stream_), kDraw);
-  if (absl::Status status = make_room(job, static_cast<std::uint32_t>(most_blocks)); !status.ok())
-    return status;
-  if (absl::Status status = run(job, static_cast<std::uint32_t>(most_blocks)); !status.ok())
-    return status;
-
-  THRONG_CUDA_TRY(cudaEventRecord(ended_, stream_), kDraw);
-
-  // the picture and the counts are all that is read back
-  const std::size_t picture_bytes = std::size_t{4} * job.width_px * job.height_px;
+  take_counts();
+  auto kept = free_picture();
+  if (!kept.ok()) return kept.status();
+  THRONG_CUDA_TRY((*kept)->resize(viewport.width_px, viewport.height_px), kDraw);
+  job.pixels = (*kept)->pixels();
   Buffers& b = *buffers_;
-  THRONG_CUDA_TRY(b.read_back.resize(picture_bytes + sizeof(RasterCounts)), kDraw);
-  auto* read_back = static_cast<std::byte*>(b.read_back.data());
-  RasterCounts counts;
-  static_assert(alignof(RasterCounts) <= 8);
-  THRONG_CUDA_TRY(
-      cudaMemcpyAsync(read_back, job.pixels, picture_bytes, cudaMemcpyDeviceToHost, stream_),
-      kDraw);
-  THRONG_CUDA_TRY(cudaMemcpyAsync(read_back + picture_bytes, job.counts, sizeof(RasterCounts),
+  THRONG_CUDA_TRY(b.read_back.resize(sizeof(RasterCounts)), kDraw);
+  if (absl::Status status = make_room(job, static_cast<std::uint32_t>(most_blocks)); !status.ok()) {
+    return status;
+  }
+  THRONG_CUDA_TRY(cudaEventRecord(began_, stream_), kDraw);
+  THRONG_CUDA_TRY(moments_.make(), kDraw);
+  const auto launches = [&](cudaStream_t stream) {
+    return run(job, static_cast<std::uint32_t>(most_blocks), stream);
+  };
+  if (absl::Status status = graph_.run(stream_, kDraw, launches); !status.ok()) return status;
+  THRONG_CUDA_TRY(cudaEventRecord((*kept)->drawn(), stream_), kDraw);
+  if (geometry.on_device != nullptr) {
+    const auto* frame = dynamic_cast<const DeviceFrame*>(geometry.on_device);
+    THRONG_CUDA_TRY(cudaEventRecord(frame->drawn, stream_), kDraw);
+  }
+  // the picture and the counts are all that is read back
+  THRONG_CUDA_TRY(cudaMemcpyAsync(b.read_back.data(), job.counts, sizeof(RasterCounts),
                                   cudaMemcpyDeviceToHost, stream_),
                   kDraw);
-  THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), kDraw);
-  std::memcpy(&counts, read_back + picture_bytes, sizeof counts);
-  picture.width_px = viewport.width_px;
-  picture.height_px = viewport.height_px;
-  picture.rgbx.resize(picture_bytes);
-  std::memcpy(picture.rgbx.data(), read_back, picture_bytes);
-  counters_ = {};
-  float device_ms = 0.0F;
-  THRONG_CUDA_TRY(cudaEventElapsedTime(&device_ms, began_, ended_), kDraw);
-  counters_.device_ms = static_cast<double>(device_ms);
+  THRONG_CUDA_TRY(cudaEventRecord(ended_, stream_), kDraw);
+  counts_pending_ = true;
   counters_.drawn = job.count;
   counters_.triangles = job.triangles_drawn;
-  counters_.surviving = counts.surviving;
   counters_.size_bytes = b.size_bytes();
+  for (const auto& one : pictures_) counters_.size_bytes += one->size_bytes();
+  picture.width_px = viewport.width_px;
+  picture.height_px = viewport.height_px;
+  if (facts_ != nullptr) {
+    if (absl::Status status = read_facts(job); !status.ok()) return status;
+  }
+  if (picture.may_stay) {
+    picture.rgbx.clear();
+    picture.on_device = *std::move(kept);
+    return absl::OkStatus();
+  }
+  if (absl::Status status = (*kept)->fetch(picture.rgbx); !status.ok()) return status;
+  THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), kDraw);
+  take_counts();
   return absl::OkStatus();
 }
 

@@ -25,4 +25,11 @@ cudaError_t launch_large(const RasterJob& job, cudaStream_t stream);
 /// Words and shadows to `pixels`.
 cudaError_t launch_resolve(const RasterJob& job, cudaStream_t stream);
 
+/// Words to `fact_depth`, `fact_instance` and `fact_bounds`, where they are asked for.
+cudaError_t launch_facts(const RasterJob& job, cudaStream_t stream);
+
+/// Pixels r g b x to r g b, four at a time: 4 * groups of them are read.
+cudaError_t launch_pack(const std::uint32_t* rgbx, std::uint32_t* rgb, std::uint32_t groups,
+                        cudaStream_t stream);
+
 }  // namespace throng::render::visibility::cuda

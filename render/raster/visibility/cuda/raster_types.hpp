@@ -88,6 +88,11 @@ inline constexpr std::uint32_t kBlobTileSide = 64;  // pixels
 inline constexpr std::uint32_t kLargeRoom = 1U << 16;
 inline constexpr std::uint32_t kTileRoom = 1U << 20;
 
+/// As PixelBox.
+struct FactBox {
+  std::int32_t x_low, y_low, x_high, y_high;
+};
+
 /// One frame. Shapes: V visible instances, B triangle blocks.
 struct RasterJob {
   RasterCast cast;
@@ -133,7 +138,22 @@ struct RasterJob {
   std::uint32_t* shadow = nullptr;       // [words] bits of the light that is missing
   std::uint32_t* blob_shadow = nullptr;  // [pixels]
   std::uint32_t* pixels = nullptr;       // [height][width] r g b 255
+  // PixelFacts; null: nobody asks
+  float* fact_depth = nullptr;             // [pixels]
+  std::uint32_t* fact_instance = nullptr;  // [pixels]
+  FactBox* fact_bounds = nullptr;          // [V]
 };
+
+/// A vertex of an instance that shares its pose, relative to the eye.
+THRONG_HOST_DEVICE inline glm::vec3 placed_vertex(const RasterJob& job, std::uint32_t instance,
+                                                  std::uint32_t vertex) {
+  const SharedInstance& shared = job.shared[instance];
+  const float* column = job.posed + shared.posed + kPosedHeader + vertex;
+  return element::place_posed(
+      job.instance[instance].position_relative, shared.cosine_scale, shared.sine_scale,
+      job.instance[instance].scale,
+      glm::vec3(column[0], column[shared.stride], column[2 * shared.stride]));
+}
 
 /// Whether an instance's vertices are those of a shared pose.
 THRONG_HOST_DEVICE inline bool is_shared(const RasterJob& job, std::uint32_t instance) {

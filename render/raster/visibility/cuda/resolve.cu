@@ -18,9 +18,7 @@ __device__ element::ShadeCorners shared_corners(const RasterJob& job, std::uint3
   element::ShadeCorners corners;
   for (int k = 0; k < 3; ++k) {
     const std::uint32_t v = (word >> (10 * k)) & 1023U;
-    corners.p[k] = element::place_posed(
-        instance.position_relative, shared.cosine_scale, shared.sine_scale, instance.scale,
-        glm::vec3(column[v], column[shared.stride + v], column[2 * shared.stride + v]));
+    corners.p[k] = placed_vertex(job, i, v);
     corners.n[k] = element::turn_posed(
         shared.cosine_scale, shared.sine_scale, instance.scale,
         element::rough_octahedral(element::float_bits(column[3 * shared.stride + v])));
@@ -129,7 +127,27 @@ __global__ void __launch_bounds__(kTileX* kTileY) resolve_kernel(RasterJob job) 
   job.pixels[static_cast<std::size_t>(y) * job.width_px + x] = code;
 }
 
+/// r g b x of four pixels to r g b.
+__global__ void pack_kernel(const std::uint32_t* rgbx, std::uint32_t* rgb, std::uint32_t groups) {
+  const std::uint32_t i = blockIdx.x * blockDim.x + threadIdx.x;
+  if (i >= groups) return;
+  const std::uint32_t a = rgbx[4 * i] & 0xffffffU, b = rgbx[4 * i + 1] & 0xffffffU;
+  const std::uint32_t c = rgbx[4 * i + 2] & 0xffffffU, d = rgbx[4 * i + 3] & 0xffffffU;
+  rgb[3 * i] = a | b << 24;
+  rgb[3 * i + 1] = b >> 8 | c << 16;
+  rgb[3 * i + 2] = c >> 16 | d << 8;
+}
+
 }  // namespace
+
+cudaError_t launch_pack(const std::uint32_t* rgbx, std::uint32_t* rgb, std::uint32_t groups,
+                        cudaStream_t stream) {
+  if (groups == 0) return cudaSuccess;
+  constexpr std::uint32_t kThreads = 256;
+  THRONG_LAUNCH_APART(pack_kernel, (groups + kThreads - 1) / kThreads, kThreads, stream, rgbx, rgb,
+                      groups);
+  return cudaGetLastError();
+}
 
 cudaError_t launch_resolve(const RasterJob& job, cudaStream_t stream) {
   const std::uint32_t blocks =

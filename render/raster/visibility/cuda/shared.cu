@@ -20,16 +20,9 @@ struct PlacedVertices {
 template <std::uint32_t kMost>
 __device__ void place(const RasterJob& job, std::uint32_t i, PlacedVertices<kMost>& placed,
                       std::uint32_t first, std::uint32_t step) {
-  const SharedInstance shared = job.shared[i];
-  const VisibleInstance& instance = job.instance[i];
-  const std::uint32_t count = job.cast.level[shared.level].vertex_count;
-  const float* column = job.posed + shared.posed + kPosedHeader;
+  const std::uint32_t count = job.cast.level[job.shared[i].level].vertex_count;
   for (std::uint32_t v = first; v < count; v += step) {
-    const element::SnappedVertex vertex = element::project(
-        job.grid,
-        element::place_posed(
-            instance.position_relative, shared.cosine_scale, shared.sine_scale, instance.scale,
-            glm::vec3(column[v], column[shared.stride + v], column[2 * shared.stride + v])));
+    const element::SnappedVertex vertex = element::project(job.grid, placed_vertex(job, i, v));
     placed.x[v] = vertex.x;
     placed.y[v] = vertex.y;
     placed.depth[v] = vertex.depth;
