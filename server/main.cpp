@@ -180,6 +180,9 @@ int main(int argc, char** argv) {
 
   CLI::App app{"Shows crowds: takes agents from simulators and sends pictures to viewers.",
                "throng-server"};
+  app.failure_message([](const CLI::App* from, const CLI::Error& error) {
+    return "throng-server: " + CLI::FailureMessage::simple(from, error);
+  });
   app.set_version_flag("--version", THRONG_VERSION);
   app.add_option("--cast", cast_folder, "Folder of baked characters (default: the built-in cast)");
   auto* vertex_budget =

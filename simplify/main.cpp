@@ -2,6 +2,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <string>
@@ -73,7 +74,21 @@ class ProgressLine {
   int shown_ = -1;
 };
 
+/// What an interrupted bake leaves of a folder that it made: nothing, unless something is in it.
+std::string made_folder;
+
+extern "C" void on_interrupt(int signal) {
+  ::rmdir(made_folder.c_str());  // may be called here; refuses a folder that holds something
+  std::signal(signal, SIG_DFL);
+  std::raise(signal);
+}
+
 int run_bake(throng::simplify::JobOptions& options) {
+  if (!std::filesystem::exists(options.folder)) {
+    made_folder = options.folder;
+    std::signal(SIGINT, on_interrupt);
+    std::signal(SIGTERM, on_interrupt);
+  }
   ProgressLine progress("baking");
   options.say = [&](const std::string& line) {
     progress.clear();
@@ -145,6 +160,9 @@ int main(int argc, char** argv) {
       "Bakes animated characters into what throng draws: one mesh with every level of detail,\n"
       "its skeleton, clips and texture.");
   app.footer(kFooter);
+  app.failure_message([](const CLI::App* from, const CLI::Error& error) {
+    return "throng-bake: " + CLI::FailureMessage::simple(from, error);
+  });
 
   throng::simplify::JobOptions options;
   options.jobs = std::max(1U, std::thread::hardware_concurrency());

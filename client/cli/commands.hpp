@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "client/camera/camera_script.hpp"
 #include "throng/client/connection.hpp"
 #include "throng/trajectory/trajectory.hpp"
 
@@ -39,8 +40,8 @@ struct ViewCommand {
   double fps = 30.0;
   std::uint32_t quality = 85;
   std::uint64_t vertex_budget = 0;
-  std::string camera;   // "x,y,z:tx,ty,tz"; empty: overview
-  std::string channel;  // colours the agents
+  std::optional<CameraScript> camera;  // none: an overview
+  std::string channel;                 // colours the agents
   std::optional<double> channel_low, channel_high;
   double wait_s = 10.0;  // for the server and for the crowd
 };
@@ -77,14 +78,7 @@ int run_crowds(const Common& common, bool json);
 int run_server_info(const Common& common, bool json);
 int run_file_info(const std::string& file, const trajectory::ReadOptions& read, bool json);
 
-/// What this machine can draw with, and the server if one is named.
-int run_doctor(const Common& common, bool ask_server, bool json);
-
-/// "x,y,z:tx,ty,tz" in metres: eye and target.
-struct CameraText {
-  double eye[3];
-  double target[3];
-};
-std::optional<CameraText> parse_camera(const std::string& text);
+/// What this machine can draw with, and whether a server answers (a failure if one was named).
+int run_doctor(const Common& common, bool named, bool json);
 
 }  // namespace throng::client

@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -14,6 +15,8 @@
 
 #include "client/cli/commands.hpp"
 #include "client/cli/output.hpp"
+#include "throng/v1/crowd.grpc.pb.h"
+#include "throng/v1/server.grpc.pb.h"
 
 extern char** environ;
 
@@ -90,9 +93,62 @@ void print_part(const char* part, const nlohmann::json& report) {
   std::printf("  %-22s %s\n", part, line.c_str());
 }
 
+struct ServerAnswer {
+  std::string url;
+  absl::Status status;
+  v1::GetServerInfoResponse info;
+  v1::ListCrowdsResponse crowds;
+};
+
+ServerAnswer ask_server(const Common& common) {
+  ServerAnswer answer;
+  const auto connection = Connection::open(common.connection);
+  if (!connection.ok()) {
+    answer.url = common.connection.url;
+    answer.status = connection.status();
+    return answer;
+  }
+  answer.url = (*connection)->address();
+  const auto call = [&](auto&& ask) {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(3));
+    (*connection)->prepare(context);
+    return from_grpc(ask(context), **connection);
+  };
+  const auto channel = (*connection)->channel();
+  answer.status = call([&](grpc::ClientContext& context) {
+    return v1::ServerService::NewStub(channel)->GetServerInfo(&context, {}, &answer.info);
+  });
+  if (!answer.status.ok()) return answer;
+  answer.status = call([&](grpc::ClientContext& context) {
+    return v1::CrowdService::NewStub(channel)->ListCrowds(&context, {}, &answer.crowds);
+  });
+  return answer;
+}
+
+/// @param named  a server was asked for: that it does not answer is a failure.
+int print_server(const ServerAnswer& answer, bool named) {
+  if (!answer.status.ok()) {
+    std::printf("server: %s\n", std::string(answer.status.message()).c_str());
+    return named ? kFailure : kOk;
+  }
+  std::printf("server: %s answers, throng %s, %s, %s\n", answer.url.c_str(),
+              answer.info.version().c_str(), answer.info.compute_backend().c_str(),
+              answer.info.rasterizer().c_str());
+  if (answer.crowds.crowds_size() == 0) {
+    std::printf("  no crowds; publish one with 'throng publish FILE --crowd NAME'\n");
+  }
+  for (const v1::CrowdInfo& crowd : answer.crowds.crowds()) {
+    std::printf("  crowd %s: %u agents, %s\n", crowd.name().c_str(), crowd.agents(),
+                crowd.live() ? "live" : "ended");
+  }
+  return kOk;
+}
+
 }  // namespace
 
-int run_doctor(const Common& common, bool ask_server, bool json) {
+int run_doctor(const Common& common, bool named, bool json) {
+  const ServerAnswer server = ask_server(common);
   const std::string program = find_server();
   nlohmann::json local = nlohmann::json::object();
   if (!program.empty()) {
@@ -104,12 +160,20 @@ int run_doctor(const Common& common, bool ask_server, bool json) {
     }
   }
   if (json) {
-    // One object; a remote server's report is a command of its own, 'info --json'.
     nlohmann::json all = {{"throng_server", program}, {"local", local}};
+    all["server"] = {{"url", server.url}, {"answers", server.status.ok()}};
+    if (server.status.ok()) {
+      all["server"]["version"] = server.info.version();
+      for (const v1::CrowdInfo& crowd : server.crowds.crowds()) {
+        all["server"]["crowds"].push_back(crowd.name());
+      }
+    } else {
+      all["server"]["why"] = std::string(server.status.message());
+    }
     // A path need not be UTF-8.
     const std::string text = all.dump(2, ' ', false, nlohmann::json::error_handler_t::replace);
     std::printf("%s\n", text.c_str());
-    return kOk;
+    return named && !server.status.ok() ? kFailure : kOk;
   }
   if (program.empty()) {
     std::printf(
@@ -130,10 +194,7 @@ int run_doctor(const Common& common, bool ask_server, bool json) {
       if (line.is_string()) std::printf("  egl: %s\n", line.get<std::string>().c_str());
     }
   }
-  if (!ask_server) return kOk;
-  std::printf("server:\n");
-  std::fflush(stdout);
-  return run_server_info(common, false);
+  return print_server(server, named);
 }
 
 }  // namespace throng::client

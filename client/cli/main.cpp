@@ -15,8 +15,9 @@ using namespace throng::client;
 void add_reading(CLI::App& app, throng::trajectory::ReadOptions& read, std::string& unit,
                  std::string& z) {
   app.add_option("--source-fps", read.source_fps, "Frames per second, where the file does not say");
-  app.add_option("--source-unit", unit, "Unit of length, where the file does not say")
-      ->check(CLI::IsMember({"m", "cm"}));
+  app.add_option("--source-unit", unit,
+                 "Unit of length, where the file does not say: m, cm, mm or a number of metres")
+      ->type_name("UNIT");
   app.add_option("--z", z, "What the file's z is: height of the ground, or to be ignored")
       ->check(CLI::IsMember({"ground", "ignore"}))
       ->capture_default_str();
@@ -26,25 +27,35 @@ void add_reading(CLI::App& app, throng::trajectory::ReadOptions& read, std::stri
 
 void finish_reading(throng::trajectory::ReadOptions& read, const std::string& unit,
                     const std::string& z) {
-  if (unit == "m") read.source_unit_m = 1.0;
-  if (unit == "cm") read.source_unit_m = 0.01;
+  if (!unit.empty()) {
+    const auto metres = throng::trajectory::parse_unit(unit);
+    if (!metres.ok()) throw CLI::ValidationError(std::string(metres.status().message()));
+    read.source_unit_m = *metres;
+  }
   read.ground_z = z == "ground";
 }
 
-void add_view(CLI::App& app, ViewCommand& view, std::string& size) {
+/// Options of a view as they are spelled.
+struct ViewTexts {
+  std::string size = "1280x720", camera = "overview", channel_range;
+};
+
+void add_view(CLI::App& app, ViewCommand& view, ViewTexts& texts) {
   app.add_option("--crowd", view.crowd, "Name of the crowd")->required();
-  app.add_option("--size", size, "WIDTHxHEIGHT in pixels")->capture_default_str();
+  app.add_option("--size", texts.size, "WIDTHxHEIGHT in pixels")->capture_default_str();
   app.add_option("--quality", view.quality, "JPEG quality")
       ->capture_default_str()
       ->check(CLI::Range(1, 100));
   app.add_option("--vertex-budget", view.vertex_budget,
                  "Vertices per frame (0: the server decides)")
       ->capture_default_str();
-  app.add_option("--camera", view.camera,
-                 "Eye and target, \"x,y,z:tx,ty,tz\" in metres (default: an overview)");
+  app.add_option("--camera", texts.camera, std::string(CameraScript::kSpellings))
+      ->capture_default_str()
+      ->type_name("CAMERA");
   app.add_option("--channel", view.channel, "Colour agents by this channel");
-  app.add_option("--channel-low", view.channel_low, "Value of the lowest colour");
-  app.add_option("--channel-high", view.channel_high, "Value of the highest colour");
+  app.add_option("--channel-range", texts.channel_range,
+                 "Values at the ends of the colour scale (default 0:2)")
+      ->type_name("LOW:HIGH");
   app.add_option("--wait", view.wait_s, "Seconds to wait for server and crowd")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 86400.0));
@@ -57,17 +68,22 @@ void add_rate(CLI::App& app, ViewCommand& view) {
 }
 
 /// Checks what CLI11 can't; exits with 2 through CLI11's own way of telling.
-void finish_view(ViewCommand& view, const std::string& size) {
+void finish_view(ViewCommand& view, const ViewTexts& texts) {
   unsigned width = 0, height = 0;
   char rest = 0;
-  if (std::sscanf(size.c_str(), "%5ux%5u%c", &width, &height, &rest) != 2) {
-    throw CLI::ValidationError("--size", "'" + size + "' is not WIDTHxHEIGHT");
+  if (std::sscanf(texts.size.c_str(), "%5ux%5u%c", &width, &height, &rest) != 2) {
+    throw CLI::ValidationError("--size", "'" + texts.size + "' is not WIDTHxHEIGHT");
   }
   view.width_px = width;
   view.height_px = height;
-  if (!view.camera.empty() && !parse_camera(view.camera)) {
-    throw CLI::ValidationError("--camera", "'" + view.camera + "' is not \"x,y,z:tx,ty,tz\"");
-  }
+  auto camera = CameraScript::parse(texts.camera);
+  if (!camera.ok()) throw CLI::ValidationError(std::string(camera.status().message()));
+  view.camera = *std::move(camera);
+  if (texts.channel_range.empty()) return;
+  const auto range = parse_range(texts.channel_range);
+  if (!range.ok()) throw CLI::ValidationError(std::string(range.status().message()));
+  view.channel_low = range->first;
+  view.channel_high = range->second;
 }
 
 }  // namespace
@@ -81,13 +97,17 @@ int main(int argc, char** argv) {
   ConvertCommand convert;
   std::string publish_unit, publish_z = "ignore", info_unit, info_z = "ignore";
   std::string convert_unit, convert_z = "ground", info_file;
-  std::string record_size = "1280x720", snapshot_size = "1280x720", watch_size = "320x180";
+  ViewTexts record_text, snapshot_text, watch_text;
+  watch_text.size = "320x180";
   throng::trajectory::ReadOptions info_read;
   std::optional<double> watch_seconds;
   bool crowds_json = false, info_json = false, doctor_json = false;
 
   CLI::App app{"Publishes crowds to a throng server and shows what it draws.", "throng"};
   app.set_version_flag("--version", THRONG_VERSION);
+  app.failure_message([](const CLI::App* from, const CLI::Error& error) {
+    return "throng: " + CLI::FailureMessage::simple(from, error);
+  });
   app.require_subcommand(1);
   app.fallthrough();
   app.add_flag("--quiet,-q", common.quiet, "No progress");
@@ -132,7 +152,7 @@ int main(int argc, char** argv) {
 
   CLI::App* record_app =
       app.add_subcommand("record", "Keep what a viewer sees, as video or pictures");
-  add_view(*record_app, record.view, record_size);
+  add_view(*record_app, record.view, record_text);
   add_rate(*record_app, record.view);
   record_app
       ->add_option("-o,--output", record.output,
@@ -145,20 +165,23 @@ int main(int argc, char** argv) {
       "Examples:\n"
       "  throng record --crowd station -o station.mp4 --seconds 10 --fps 25\n"
       "  throng record --crowd station -o frames/####.jpg --camera \"0,-20,8:0,0,1\" --frames 30\n"
-      "  throng record --crowd station -o speed.mp4 --channel speed --channel-high 2");
+      "  throng record --crowd station -o speed.mp4 --channel speed --channel-range 0:2\n"
+      "  throng record --crowd station -o turn.mp4 --camera orbit --seconds 30\n" +
+      std::string(CameraScript::kFileHelp));
 
   CLI::App* snapshot_app = app.add_subcommand("snapshot", "One picture of a crowd, now or earlier");
-  add_view(*snapshot_app, snapshot.view, snapshot_size);
+  add_view(*snapshot_app, snapshot.view, snapshot_text);
   snapshot_app->add_option("-o,--output", snapshot.output, "one.png or one.jpg")->required();
   snapshot_app->add_option("--time", snapshot.time_s, "Scene time in seconds (default: now)")
       ->check(CLI::Range(-1e9, 1e9));
   snapshot_app->footer(
       "Examples:\n"
       "  throng snapshot --crowd station -o station.png --size 1920x1080\n"
-      "  throng snapshot --crowd station -o then.jpg --time 12.5 --vertex-budget 3000000");
+      "  throng snapshot --crowd station -o then.jpg --time 12.5 --vertex-budget 3000000\n"
+      "  throng snapshot --crowd station -o plan.png --camera top");
 
   CLI::App* watch_app = app.add_subcommand("watch", "One line a second about what a viewer gets");
-  add_view(*watch_app, watch, watch_size);
+  add_view(*watch_app, watch, watch_text);
   add_rate(*watch_app, watch);
   watch_app->footer(
       "Examples:\n"
@@ -176,7 +199,8 @@ int main(int argc, char** argv) {
       "Examples:\n"
       "  throng info\n"
       "  throng info run.sqlite --json\n"
-      "  throng info walk.txt --source-fps 16 --source-unit cm");
+      "  throng info walk.txt --source-fps 16 --source-unit cm\n"
+      "  throng info circle.rvo --source-unit 0.2");
   info_app->add_option("file", info_file, "Trajectory file (none: ask the server)");
   info_app->add_flag("--json", info_json, "As JSON");
   add_reading(*info_app, info_read, info_unit, info_z);
@@ -206,19 +230,18 @@ int main(int argc, char** argv) {
 
   try {
     app.parse(argc, argv);
-    if (record_app->parsed()) finish_view(record.view, record_size);
-    if (snapshot_app->parsed()) finish_view(snapshot.view, snapshot_size);
-    if (watch_app->parsed()) finish_view(watch, watch_size);
+    if (record_app->parsed()) finish_view(record.view, record_text);
+    if (snapshot_app->parsed()) finish_view(snapshot.view, snapshot_text);
+    if (watch_app->parsed()) finish_view(watch, watch_text);
+    finish_reading(publish.read, publish_unit, publish_z);
+    finish_reading(info_read, info_unit, info_z);
+    finish_reading(convert.read, convert_unit, convert_z);
   } catch (const CLI::ParseError& error) {
     if (app.get_subcommands().empty() && app.remaining_size() > 0) {
       return app.exit(CLI::ExtrasError("throng", {app.remaining().front()})) == 0 ? kOk : kUsage;
     }
     return app.exit(error) == 0 ? kOk : kUsage;
   }
-  finish_reading(publish.read, publish_unit, publish_z);
-  finish_reading(info_read, info_unit, info_z);
-  finish_reading(convert.read, convert_unit, convert_z);
-
   catch_interrupts();
   if (publish_app->parsed()) {
     publish.common = common;

@@ -27,16 +27,6 @@ std::string extension_of(const std::string& path) {
   return absl::AsciiStrToLower(std::filesystem::path(path).extension().string());
 }
 
-absl::Status make_folder_of(const std::string& path) {
-  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
-  if (folder.empty()) return absl::OkStatus();
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (!error) return absl::OkStatus();
-  return absl::UnavailableError(
-      absl::StrCat("can't make folder ", folder.string(), ": ", error.message()));
-}
-
 class PictureFiles final : public PictureOutput {
  public:
   PictureFiles(std::string pattern, std::size_t begin, std::size_t digits)
@@ -158,11 +148,11 @@ absl::StatusOr<std::unique_ptr<PictureOutput>> open_output(const std::string& pa
             absl::StrCat("-o: '", pattern, "' has more than one run of #"));
       }
     }
-    if (absl::Status status = make_folder_of(pattern); !status.ok()) return status;
+    if (absl::Status status = render::make_folder_of(pattern); !status.ok()) return status;
     return std::make_unique<PictureFiles>(pattern, digits == 0 ? 0 : first, digits);
   }
   if (extension == ".mp4" || extension == ".mkv" || extension == ".mov") {
-    if (absl::Status status = make_folder_of(pattern); !status.ok()) return status;
+    if (absl::Status status = render::make_folder_of(pattern); !status.ok()) return status;
     auto writer = render::open_video(pattern, width_px, height_px, fps);
     if (!writer.ok()) return writer.status();
     return std::make_unique<VideoFile>(pattern, fps, *std::move(writer));

@@ -34,6 +34,14 @@ int run_snapshot(const SnapshotCommand& command) {
 
   const auto connection = Connection::open(command.view.common.connection);
   if (!connection.ok()) return report(kName, connection.status());
+  const std::optional<CameraScript>& camera = command.view.camera;
+  if (camera.has_value() && (camera->needs_site() || camera->moves())) {
+    std::optional<std::int64_t> time_us;
+    if (command.time_s.has_value()) time_us = request.scene_time_us();
+    const auto sight = sight_of(*connection, request.options(), time_us);
+    if (!sight.ok()) return report(kName, sight.status());
+    aim(*camera, sight->time_us, sight->site, *request.mutable_options());
+  }
   grpc::ClientContext context;
   context.set_wait_for_ready(true);
   context.set_deadline(

@@ -1,8 +1,11 @@
 #pragma once
 
 #include <absl/status/status.h>
+#include <absl/status/statusor.h>
 
 #include <functional>
+#include <memory>
+#include <optional>
 
 #include "client/cli/commands.hpp"
 
@@ -13,8 +16,20 @@ class ViewOptions;
 
 namespace throng::client {
 
-/// What a viewer asks the server for.
+/// What a viewer asks the server for; its camera as far as it knows it without the site.
 v1::ViewOptions options_of(const ViewCommand& command);
+
+/// What there is to see at a time of a crowd (none: now).
+struct Sight {
+  std::int64_t time_us = 0;
+  ScriptedSite site;
+};
+absl::StatusOr<Sight> sight_of(const std::shared_ptr<const Connection>& connection,
+                               v1::ViewOptions options, std::optional<std::int64_t> time_us);
+
+/// Sets the camera of a script, whose picture has the size of `options`.
+void aim(const CameraScript& script, std::int64_t time_us, ScriptedSite site,
+         v1::ViewOptions& options);
 
 /// What is to be done after a frame.
 enum class Next { kMore, kEnough };

@@ -7,7 +7,11 @@
 #include <sstream>
 #include <string>
 
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+
 #include "client/cli/connection_flags.hpp"
+#include "client/desktop/view_text.hpp"
 #include "client/desktop/window.hpp"
 
 namespace {
@@ -19,13 +23,19 @@ constexpr const char* kFooter =
 Examples:
   throng-view
   throng-view --server host:7447 --crowd station --size 1600x900
-  throng-view --crowd station --channel speed --channel-high 2 --overlays time,scale,density
+  throng-view --crowd station --channel speed --channel-range 0:2 --overlays time,scale,density
+  throng-view --crowd station --camera follow:17
+  throng-view --view 'crowd=station&cam=1,2,0,15,-60,30&t=3.2&show=grid,time'
   throng-view --crowd station --screenshot station.png
   throng-view --crowd station --script tour.txt --json
 
 A script has lines such as: wait frames>2, click 640 380, drag 100 100 300 120 right, wheel 3 640 380,
 key T, press W, release W, size 800 600, state out.jsonl, screenshot out.png.
 Exit codes: 0 done, 1 failure, 2 usage.)";
+
+CLI::ValidationError refused(const absl::Status& status) {
+  return CLI::ValidationError(std::string(status.message()));
+}
 
 int fail(const absl::Status& status) {
   std::fprintf(stderr, "throng-view: %s\n", std::string(status.message()).c_str());
@@ -37,18 +47,33 @@ int fail(const absl::Status& status) {
 int main(int argc, char** argv) {
   using namespace throng::client;
   WindowSettings settings;
-  std::string size = "1280x720", overlays, script;
+  std::string size = "1280x720", overlays, script, camera = "overview", channel_range, view;
   CLI::App app{"Shows a crowd that a throng server draws, in a window.", "throng-view"};
+  app.failure_message([](const CLI::App* from, const CLI::Error& error) {
+    return "throng-view: " + CLI::FailureMessage::simple(from, error);
+  });
   app.footer(kFooter);
   app.set_version_flag("--version", "throng-view " THRONG_VERSION);
   add_connection(app, settings.connection);
   app.add_option("--crowd", settings.viewer.crowd,
                  "Name of the crowd (default: the only one, or the one chosen in the window)");
   app.add_option("--size", size, "WIDTHxHEIGHT of the window, px")->capture_default_str();
-  app.add_option("--follow", settings.viewer.follow, "Follow the agent with this id");
+  app.add_option("--scale", settings.scale,
+                 "Size of text and buttons (default: as the screen's dots per inch ask for)")
+      ->check(CLI::Range(0.5, 4.0));
+  app.add_option("--camera", camera,
+                 absl::StrCat("Where it begins: ", CameraScript::kSpellings.data()))
+      ->capture_default_str()
+      ->type_name("CAMERA");
+  auto* const view_option =
+      app.add_option("--view", view,
+                     "All of a view as the page's address has it behind #, or that address; the "
+                     "state of --json has it as 'view'")
+          ->type_name("TEXT");
   app.add_option("--channel", settings.viewer.channel, "Colour agents by this channel");
-  app.add_option("--channel-low", settings.viewer.channel_low, "Value of the lowest colour");
-  app.add_option("--channel-high", settings.viewer.channel_high, "Value of the highest colour");
+  app.add_option("--channel-range", channel_range,
+                 "Values at the ends of the colour scale (default: those in view)")
+      ->type_name("LOW:HIGH");
   app.add_option("--overlays", overlays, "Of ids,trails,density,grid,scale,time");
   app.add_option("--fps", settings.viewer.rate_hz, "Frames per second at most")
       ->capture_default_str()
@@ -79,6 +104,26 @@ int main(int argc, char** argv) {
     }
     settings.width_px = width;
     settings.height_px = height;
+    auto parsed_camera = CameraScript::parse(camera);
+    if (!parsed_camera.ok()) throw refused(parsed_camera.status());
+    settings.viewer.camera = *std::move(parsed_camera);
+    if (!channel_range.empty()) {
+      const auto range = parse_range(channel_range);
+      if (!range.ok()) throw refused(range.status());
+      settings.viewer.range = *range;
+    }
+    if (view_option->count() > 0) {
+      const auto parsed = parse_view_text(view);
+      if (!parsed.ok()) throw refused(parsed.status());
+      if (settings.viewer.crowd.empty()) settings.viewer.crowd = parsed->crowd;
+      settings.viewer.held = parsed->camera;
+      settings.viewer.follow = parsed->follow;
+      settings.viewer.time_us = parsed->time_us;
+      settings.viewer.speed = parsed->speed;
+      if (settings.viewer.channel.empty()) settings.viewer.channel = parsed->channel;
+      if (!settings.viewer.range) settings.viewer.range = parsed->range;
+      if (overlays.empty()) overlays = absl::StrJoin(parsed->show, ",");
+    }
     std::stringstream names(overlays);
     for (std::string name; std::getline(names, name, ',');) {
       const auto* const found = std::find_if(std::begin(kOverlayNames), std::end(kOverlayNames),

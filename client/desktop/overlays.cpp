@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "client/desktop/panels.hpp"
 #include "client/desktop/viewer.hpp"
 
 namespace throng::client {
@@ -103,13 +104,13 @@ class Painter {
   }
   /// Centred, with a dark edge.
   void label(const std::string& text, const ImVec2& middle, ImU32 color) {
-    constexpr float kHeightPx = 13.0F;
-    const glm::dvec2 size = size_of(text, kHeightPx);
+    const float height_px = 13.0F * font_->FontSize / kFontPx;
+    const glm::dvec2 size = size_of(text, height_px);
     const double x = double{middle.x} - size.x / 2, y = double{middle.y} - size.y / 2;
     for (const auto& [dx, dy] : {std::pair{-1, 0}, {1, 0}, {0, -1}, {0, 1}}) {
-      write(x + dx, y + dy, kHeightPx, kEdge, text);
+      write(x + dx, y + dy, height_px, kEdge, text);
     }
-    write(x, y, kHeightPx, color, text);
+    write(x, y, height_px, color, text);
   }
   void plate(double x, double y, double width, double height) {
     list_.AddRectFilled(vec(x, y), vec(x + width, y + height), kPlate, 8.0F);

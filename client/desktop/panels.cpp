@@ -13,7 +13,11 @@
 namespace throng::client {
 namespace {
 
-constexpr float kEdgePx = 12.0F, kPlayerPx = 48.0F, kBarPx = 46.0F;
+/// Everything grows with the font, which is as large as the screen is fine.
+float scaled(float px) { return px * ImGui::GetFontSize() / kFontPx; }
+float edge_px() { return scaled(12.0F); }
+float player_px() { return scaled(48.0F); }
+float bar_px() { return scaled(46.0F); }
 constexpr ImGuiWindowFlags kFixed = ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize |
                                     ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings |
                                     ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoNav |
@@ -58,12 +62,12 @@ void row(const char* name, const std::string& value) {
 }
 
 void draw_crowds(Viewer& viewer) {
-  ImGui::SetNextWindowPos({kEdgePx, kEdgePx});
+  ImGui::SetNextWindowPos({edge_px(), edge_px()});
   ImGui::SetNextWindowSize({0, 0});
   ImGui::Begin("crowd", nullptr, kFixed | ImGuiWindowFlags_AlwaysAutoResize);
   const std::string now = viewer.crowd().empty() ? "Choose a crowd" : viewer.crowd();
-  const bool is_narrow = ImGui::GetIO().DisplaySize.x < 900.0F;
-  ImGui::SetNextItemWidth(is_narrow ? 120.0F : 190.0F);
+  const bool is_narrow = ImGui::GetIO().DisplaySize.x < scaled(900.0F);
+  ImGui::SetNextItemWidth(scaled(is_narrow ? 120.0F : 190.0F));
   if (ImGui::BeginCombo("##crowds", now.c_str())) {
     for (const v1::CrowdInfo& crowd : viewer.crowds()) {
       const std::string line =
@@ -86,7 +90,7 @@ void draw_crowds(Viewer& viewer) {
 
 void draw_tools(Viewer& viewer, Panels& panels) {
   const ImVec2 window = ImGui::GetIO().DisplaySize;
-  ImGui::SetNextWindowPos({window.x - kEdgePx, kEdgePx}, 0, {1, 0});
+  ImGui::SetNextWindowPos({window.x - edge_px(), edge_px()}, 0, {1, 0});
   ImGui::Begin("tools", nullptr, kFixed | ImGuiWindowFlags_AlwaysAutoResize);
   if (button("Fit", "Fit to crowd (F)")) viewer.fit();
   ImGui::SameLine();
@@ -108,7 +112,7 @@ void draw_tools(Viewer& viewer, Panels& panels) {
 }
 
 void draw_display(Viewer& viewer, Panels& panels) {
-  ImGui::SetNextWindowPos({ImGui::GetIO().DisplaySize.x - kEdgePx, kEdgePx + kBarPx + 8}, 0,
+  ImGui::SetNextWindowPos({ImGui::GetIO().DisplaySize.x - edge_px(), edge_px() + bar_px() + 8}, 0,
                           {1, 0});
   ImGui::SetNextWindowSize({286, 0});
   ImGui::Begin("display", &panels.display, kFixed);
@@ -172,7 +176,7 @@ void draw_numbers(const Viewer& viewer) {
   const v1::FrameStats& stats = message.stats();
   const v1::StageTimes& times = stats.times();
   const Viewer::Numbers numbers = viewer.numbers();
-  ImGui::SetNextWindowPos({kEdgePx, kEdgePx + kBarPx + 8});
+  ImGui::SetNextWindowPos({edge_px(), edge_px() + bar_px() + 8});
   ImGui::SetNextWindowSize({286, 0});
   ImGui::Begin("numbers", nullptr, kFixed);
   if (begin_rows(165)) {
@@ -200,8 +204,8 @@ void draw_numbers(const Viewer& viewer) {
 void draw_card(Viewer& viewer, const Panels& panels) {
   const v1::PickAgentResponse* const agent = viewer.card();
   if (agent == nullptr) return;
-  const float top = panels.numbers ? 420.0F : kEdgePx + kBarPx + 8;
-  ImGui::SetNextWindowPos({kEdgePx, top});
+  const float top = panels.numbers ? scaled(420.0F) : edge_px() + bar_px() + 8;
+  ImGui::SetNextWindowPos({edge_px(), top});
   ImGui::SetNextWindowSize({286, 0});
   ImGui::Begin("agent", nullptr, kFixed);
   ImGui::TextColored(kAccent, "Agent %s", absl::StrCat(agent->id()).c_str());
@@ -231,8 +235,8 @@ void draw_player(Viewer& viewer) {
   if (viewer.frame() == nullptr) return;
   const v1::StreamViewResponse& message = viewer.frame()->message;
   const ImVec2 window = ImGui::GetIO().DisplaySize;
-  ImGui::SetNextWindowPos({kEdgePx, window.y - kEdgePx}, 0, {0, 1});
-  ImGui::SetNextWindowSize({window.x - 2 * kEdgePx, kPlayerPx});
+  ImGui::SetNextWindowPos({edge_px(), window.y - edge_px()}, 0, {0, 1});
+  ImGui::SetNextWindowSize({window.x - 2 * edge_px(), player_px()});
   ImGui::Begin("player", nullptr, kFixed);
   if (button("|<", "One frame back (,)")) viewer.step(-1);
   ImGui::SameLine();
@@ -247,7 +251,8 @@ void draw_player(Viewer& viewer) {
   const double newest_s = static_cast<double>(message.capture_time_us()) * 1e-6;
   double time_s = std::clamp(static_cast<double>(message.scene_time_us()) * 1e-6, oldest_s,
                              std::max(oldest_s, newest_s));
-  ImGui::SetNextItemWidth(std::max(60.0F, ImGui::GetContentRegionAvail().x - 240.0F));
+  ImGui::SetNextItemWidth(
+      std::max(scaled(60.0F), ImGui::GetContentRegionAvail().x - scaled(240.0F)));
   if (ImGui::SliderScalar("##time", ImGuiDataType_Double, &time_s, &oldest_s, &newest_s, "")) {
     viewer.seek(std::llround(time_s * 1e6));
   }
@@ -365,8 +370,8 @@ void set_style() {
 }
 
 Insets panel_insets() {
-  return {double{kEdgePx + kBarPx} + 8, double{kEdgePx}, double{kEdgePx + kPlayerPx} + 8,
-          double{kEdgePx}};
+  return {double{edge_px() + bar_px()} + 8, double{edge_px()}, double{edge_px() + player_px()} + 8,
+          double{edge_px()}};
 }
 
 void draw_panels(Viewer& viewer, Panels& panels) {
@@ -377,8 +382,9 @@ void draw_panels(Viewer& viewer, Panels& panels) {
   if (panels.numbers) draw_numbers(viewer);
   draw_card(viewer, panels);
   const std::string banner = viewer.banner();
-  draw_note("banner", banner, kEdgePx + kBarPx + 8, &viewer);
-  draw_note("toast", viewer.toast(), kEdgePx + kBarPx + (banner.empty() ? 8.0F : 16.0F + kBarPx),
+  draw_note("banner", banner, edge_px() + bar_px() + 8, &viewer);
+  draw_note("toast", viewer.toast(),
+            edge_px() + bar_px() + (banner.empty() ? scaled(8.0F) : scaled(16.0F) + bar_px()),
             nullptr);
   if (panels.help) draw_help(panels);
 }

@@ -6,6 +6,8 @@
 
 namespace throng::client {
 
+inline constexpr float kFontPx = 16.0F;  // on a screen of 96 dots an inch
+
 class Viewer;
 
 /// What of the panels is open, and what their buttons ask of the window.

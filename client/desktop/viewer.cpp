@@ -9,6 +9,8 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
+#include "client/desktop/view_text.hpp"
+
 namespace throng::client {
 
 const char* const kOverlayNames[kOverlays] = {"ids", "trails", "density", "grid", "scale", "time"};
@@ -22,6 +24,23 @@ constexpr std::uint32_t kMostAgents = 1500;  // that overlays are drawn for
 constexpr double kSpeeds[] = {0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0};
 
 glm::dvec3 point_of(const v1::Vec3& message) { return {message.x(), message.y(), message.z()}; }
+
+OrbitCamera held_from(const ScriptedCamera& camera) {
+  v1::Camera message;
+  const auto fill = [](const glm::dvec3& from, v1::Vec3& to) {
+    to.set_x(from.x);
+    to.set_y(from.y);
+    to.set_z(from.z);
+  };
+  fill(camera.eye_world, *message.mutable_eye());
+  fill(camera.target_world, *message.mutable_target());
+  if (camera.ortho_height_m > 0.0) {
+    message.set_ortho_height_m(camera.ortho_height_m);
+  } else {
+    message.set_fov_y_deg(camera.fov_y_deg);
+  }
+  return OrbitCamera::read(message);
+}
 
 }  // namespace
 
@@ -44,12 +63,30 @@ Viewer::Viewer(ViewLink& link, const ViewerSettings& settings)
       wanted_crowd_(settings.crowd),
       channel_(settings.channel),
       follow_(settings.follow),
-      range_is_auto_(!settings.channel.empty() && !settings.channel_high),
-      low_(settings.channel_low.value_or(0.0)),
-      high_(settings.channel_high.value_or(2.0)),
+      is_live_(!settings.time_us.has_value()),
+      is_paused_(settings.time_us.has_value()),
+      range_is_auto_(!settings.channel.empty() && !settings.range),
+      speed_(settings.speed),
+      low_(settings.range ? settings.range->first : 0.0),
+      high_(settings.range ? settings.range->second : 2.0),
       rate_hz_(settings.rate_hz),
+      time_us_(settings.time_us.value_or(0)),
       vertex_budget_(settings.vertex_budget),
-      overlays_(settings.overlays) {}
+      overlays_(settings.overlays) {
+  camera_ = settings.held;
+  if (!settings.camera || settings.camera->is_overview()) return;
+  if (const CameraScript::Follow* follow = settings.camera->follow()) {
+    follow_ = follow->agent;
+    camera_.emplace();
+    camera_->distance_m = std::hypot(follow->behind_m, follow->height_m - 1.0);
+    camera_->pitch_rad = std::atan2(follow->height_m - 1.0, follow->behind_m);
+    camera_->fov_y_deg = follow->fov_y_deg;
+  } else if (settings.camera->needs_site()) {
+    script_ = settings.camera;
+  } else {
+    camera_ = held_from(settings.camera->at(0.0, {}));
+  }
+}
 
 // ---- what is wanted -> the server
 
@@ -127,6 +164,7 @@ void Viewer::flush() {
   last_stamp_ = std::max(last_stamp_ + 1, now_us);
   if (change_->has_playback()) playback_stamp_ = last_stamp_;
   if (change_->has_crowd_name()) crowd_stamp_ = last_stamp_;
+  if (change_->has_follow_agent()) follow_stamp_ = last_stamp_;
   change_->set_stamp(last_stamp_);
   next_stamp_s_ = now_s_ + kStampEveryS;
   link_.ask(*change_, whole());
@@ -140,11 +178,12 @@ void Viewer::take_frame(ReceivedFrame frame) {
   if (message.stamp() < crowd_stamp_) return;  // of the crowd before
   const bool knows_time = message.stamp() >= playback_stamp_;
   const bool was_there = frame_ && frame_->message.followed_agent() == follow_;
-  if (follow_ != 0 && message.followed_agent() == 0 && was_there && knows_time) {
-    // the camera would jump to where it last stood on its own
-    toast(absl::StrCat("Agent ", follow_, " is not there at this time"));
+  if (follow_ != 0 && message.followed_agent() == 0 && knows_time &&
+      message.stamp() >= follow_stamp_ && message.stats().agents() > 0) {
+    toast(
+        absl::StrCat("No agent ", follow_, " in '", crowd_, "' at this time: nobody is followed"));
     stop_following();
-    return;
+    if (was_there) return;  // the camera would jump to where it last stood on its own
   }
   frame_ = std::move(frame);
   shown_camera_ = OrbitCamera::read(message.camera());
@@ -159,6 +198,15 @@ void Viewer::take_frame(ReceivedFrame frame) {
     if (!camera_) camera_ = OrbitCamera::read(frame_->message.camera());
     camera_->target_world = point_of(frame_->message.camera().target());
   }
+  if (script_ && !camera_) {
+    const v1::StreamViewResponse& shown = frame_->message;
+    const double aspect = static_cast<double>(shown.width_px()) / std::max(1U, shown.height_px());
+    camera_ = held_from(
+        script_->at(1e-6 * static_cast<double>(shown_us),
+                    {point_of(shown.overview_low()), point_of(shown.overview_high()), aspect}));
+    camera_moved();
+  }
+  script_.reset();
   agents_ = unpack_agents(frame_->message.agents());
   if (shows(Overlay::kTrails)) trails_.add(shown_us, agents_);
   if (range_is_auto_) choose_range();
@@ -255,6 +303,7 @@ bool Viewer::update(double now_s, const glm::dvec2& window_px) {
     camera_moved();
     if (then_follow != 0) {
       follow_ = then_follow;
+      follow_stamp_ = kNotSentYet;
       if (!change_) change_.emplace();
       change_->set_follow_agent(follow_);
       add_overlays(*change_);
@@ -633,7 +682,13 @@ std::string Viewer::state_json() const {
   }
   const Numbers numbers = this->numbers();
   const auto list = [](const glm::dvec3& p) { return Json::array({p.x, p.y, p.z}); };
+  ViewText view{crowd_, camera_, follow_, {}, is_live_ ? 1.0 : speed_, channel_, {}, {}};
+  for (const Json& name : overlays) view.show.push_back(name.get<std::string>());
+  if (!is_live_) view.time_us = time_us_;
+  if (low_ < high_) view.range = {low_, high_};
+  std::sort(view.show.begin(), view.show.end());
   const Json state = {{"crowd", crowd_},
+                      {"view", format_view_text(view)},
                       {"link", name_of(link_state_)},
                       {"banner", banner()},
                       {"frames", shown_},

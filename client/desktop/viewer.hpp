@@ -6,8 +6,10 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "client/camera/camera_script.hpp"
 #include "client/desktop/agents.hpp"
 #include "client/desktop/orbit_camera.hpp"
 #include "client/desktop/view_link.hpp"
@@ -23,7 +25,11 @@ struct ViewerSettings {
   std::string crowd;  // empty: the only one there is, or the one that is chosen
   std::uint64_t follow = 0;
   std::string channel;
-  std::optional<double> channel_low, channel_high;
+  std::optional<std::pair<double, double>> range;  // of the channel; none: what is in view
+  std::optional<CameraScript> camera;              // where it begins; none: an overview
+  std::optional<OrbitCamera> held;                 // the same as the hand has left it
+  std::optional<std::int64_t> time_us;             // paused there; none: live
+  double speed = 1.0;
   double rate_hz = 30.0;
   std::uint64_t vertex_budget = 0;
   std::bitset<kOverlays> overlays;
@@ -140,8 +146,9 @@ class Viewer {
   glm::dvec2 window_px_{1280.0, 720.0}, asked_px_{0.0};
 
   std::string crowd_, wanted_crowd_, channel_, rasterizer_;
-  std::optional<OrbitCamera> camera_;  // none: the server's overview
-  std::optional<OrbitCamera> before_;  // before looking from above
+  std::optional<OrbitCamera> camera_;   // none: the server's overview
+  std::optional<CameraScript> script_;  // that waits for the first frame, to know the site
+  std::optional<OrbitCamera> before_;   // before looking from above
   std::uint64_t follow_ = 0;
   bool is_live_ = true, is_paused_ = false, shadows_ = true, range_is_auto_ = false;
   double speed_ = 1.0, low_ = 0.0, high_ = 2.0, rate_hz_ = 30.0;
@@ -157,7 +164,8 @@ class Viewer {
   std::optional<Glide> glide_;
 
   std::optional<v1::ViewOptions> change_;
-  std::uint64_t last_stamp_ = 0, playback_stamp_ = 0, crowd_stamp_ = 0, measured_stamp_ = 0;
+  std::uint64_t last_stamp_ = 0, playback_stamp_ = 0, crowd_stamp_ = 0, measured_stamp_ = 0,
+                follow_stamp_ = 0;
   double next_stamp_s_ = 0.0, next_crowds_s_ = 0.0, next_card_s_ = 0.0, next_rate_s_ = 0.0;
 
   std::optional<ReceivedFrame> frame_;

@@ -122,6 +122,16 @@ class Window {
   std::string screenshot_path_;
 };
 
+/// How much larger things must be than on a screen of 96 dots an inch, in quarters.
+double scale_of_screen(SDL_Window* window) {
+  float dots_per_inch = 0.0F;
+  if (SDL_GetDisplayDPI(SDL_GetWindowDisplayIndex(window), nullptr, &dots_per_inch, nullptr) != 0) {
+    return 1.0;
+  }
+  return std::clamp(std::floor(static_cast<double>(dots_per_inch) / 96.0 * 4.0 + 0.5) / 4.0, 1.0,
+                    4.0);
+}
+
 absl::Status Window::open() {
   // without a screen a hidden window still draws
   if (is_hidden_ && std::getenv("DISPLAY") == nullptr &&
@@ -150,10 +160,13 @@ absl::Status Window::open() {
   ImGuiIO& io = ImGui::GetIO();
   io.IniFilename = nullptr;  // nothing is kept
   set_style();
-  constexpr float kFontPx = 16.0F;
+  const float scale = static_cast<float>(settings_.scale > 0.0 ? settings_.scale
+                                         : is_hidden_          ? 1.0
+                                                               : scale_of_screen(window_.get()));
+  ImGui::GetStyle().ScaleAllSizes(scale);
   std::error_code ignored;
   if (std::filesystem::exists(THRONG_FONT_FILE, ignored)) {
-    font_ = io.Fonts->AddFontFromFileTTF(THRONG_FONT_FILE, kFontPx);
+    font_ = io.Fonts->AddFontFromFileTTF(THRONG_FONT_FILE, kFontPx * scale);
   }
   if (font_ == nullptr) font_ = io.Fonts->AddFontDefault();
   library_.has_platform = ImGui_ImplSDL2_InitForSDLRenderer(window_.get());

@@ -16,6 +16,7 @@ struct WindowSettings {
   ConnectionOptions connection;
   ViewerSettings viewer;
   std::uint32_t width_px = 1280, height_px = 720;
+  double scale = 0.0;              // of text and buttons; 0: as fine as the screen is
   std::string pictures = ".";      // folder that P saves to
   std::string screenshot;          // PNG: a hidden window that ends once it is written
   std::vector<ScriptStep> script;  // a hidden window that ends after the last step

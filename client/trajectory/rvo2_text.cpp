@@ -25,7 +25,7 @@ class Rvo2Reader final : public Reader {
     if (unit) {
       info_.notes.push_back(
           "positions taken as metres; the RVO2 examples are not to human scale, "
-          "--source-unit gives the metres of one unit");
+          "give the metres of one unit, such as --source-unit 0.2");
     }
     absl::StatusOr<std::unique_ptr<LineSource>> lines = LineSource::open(path_, kMaxLineBytes);
     if (!lines.ok()) return lines.status();

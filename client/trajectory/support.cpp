@@ -1,5 +1,6 @@
 #include "support.hpp"
 
+#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 
 #include <algorithm>
@@ -126,7 +127,7 @@ absl::StatusOr<double> resolve_unit(const std::string& path, std::optional<doubl
   if (options.source_unit_m) return *options.source_unit_m;
   return fault(path,
                "the file does not say whether positions are metres or centimetres; give "
-               "--source-unit m or --source-unit cm");
+               "--source-unit m or --source-unit cm, or the metres of one unit");
 }
 
 absl::Status require_metres(const std::string& path, const ReadOptions& options,
@@ -216,3 +217,18 @@ std::string counted(std::uint64_t count, std::string_view one, std::string_view 
 }
 
 }  // namespace throng::trajectory::detail
+
+namespace throng::trajectory {
+
+absl::StatusOr<double> parse_unit(const std::string& text) {
+  if (text == "m") return 1.0;
+  if (text == "cm") return 0.01;
+  if (text == "mm") return 0.001;
+  double metres = 0.0;
+  if (absl::SimpleAtod(text, &metres) && metres > 0.0 && metres <= 1e6) return metres;
+  return absl::InvalidArgumentError(
+      absl::StrCat("--source-unit: '", text,
+                   "' is none of m, cm, mm, and no number of metres above 0 and at most 1000000"));
+}
+
+}  // namespace throng::trajectory

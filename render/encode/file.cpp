@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 
 #include "throng/render/encode.hpp"
 
@@ -18,6 +19,16 @@ absl::Status file_error(const char* call, const std::string& path, int error) {
 }
 
 }  // namespace
+
+absl::Status make_folder_of(const std::string& path) {
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  if (folder.empty()) return absl::OkStatus();
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (!error) return absl::OkStatus();
+  return absl::UnavailableError(
+      absl::StrCat(folder.string(), ": can't be made: ", error.message()));
+}
 
 absl::Status write_file(const std::string& path, std::span<const std::uint8_t> bytes) {
   // Process and counter in the name: several writers may aim at one path, the last rename wins.

@@ -9,9 +9,11 @@
 #include <cstdlib>
 #include <filesystem>
 #include <string>
+#include <tuple>
 
 #include <absl/strings/str_cat.h>
 
+#include "client/camera/camera_script.hpp"
 #include "server/batch/job.hpp"
 #include "throng/render/gpu.hpp"
 
@@ -30,6 +32,14 @@ extern "C" void on_signal(int signal) {
   stop_signal = signal;
   stop_requested.store(true);  // lock-free, so allowed here
 }
+
+constexpr const char* kOutputs = R"(What is written, by the ending of --output:
+  .png .jpg .jpeg    one picture each, sRGB without alpha (--jpeg-quality)
+  .mp4 .mkv .mov     one video, H.264 where the system has it, else MPEG-4
+  .exr               what --passes depth and id write beside the colours
+  -                  PPM pictures, one after the other
+
+)";
 
 constexpr const char* kFooter = R"(Examples:
   throng-render run.sqlite -o out/####.png
@@ -82,7 +92,11 @@ void show_progress(std::uint32_t done, std::uint32_t total, const std::string& p
 
 int main(int argc, char** argv) {
   CLI::App app{"Turns a trajectory file into pictures of a walking crowd.", "throng-render"};
-  app.footer(kFooter);
+  app.footer(
+      absl::StrCat(kOutputs, throng::client::CameraScript::kFileHelp.data(), "\n\n", kFooter));
+  app.failure_message([](const CLI::App* from, const CLI::Error& error) {
+    return "throng-render: " + CLI::FailureMessage::simple(from, error);
+  });
   app.set_version_flag("--version", "throng-render " THRONG_VERSION);
   BatchJob job;
   std::uint32_t gpu_memory_mib = 0;
@@ -96,7 +110,7 @@ int main(int argc, char** argv) {
   app.add_option("-o,--output", job.output,
                  "out/####.png, out/%04d.jpg, out/$F4.png; one.png; or one .mp4. {camera} becomes "
                  "the camera's name, {pass} that of the pass; - writes PPM pictures to standard "
-                 "output")
+                 "output. What each ending holds is told below")
       ->required()
       ->type_name("PATH");
   app.add_option("--cast", job.cast, "Folder of baked characters (default: the built-in cast)")
@@ -110,13 +124,13 @@ int main(int argc, char** argv) {
   app.add_option("--frames", job.frames, "Pictures to render, from 1: 5 or 1-100x2,205")
       ->type_name("SPEC");
   app.add_option("--camera", job.cameras,
-                 "overview, top, orbit, follow:AGENT or a JSON camera file; more than once: all of "
-                 "them in one pass")
+                 absl::StrCat(throng::client::CameraScript::kSpellings.data(),
+                              "; more than once: all of them in one pass"))
       ->capture_default_str()
       ->expected(1)
       ->take_all()
       ->allow_extra_args(false)
-      ->type_name("NAME|FILE");
+      ->type_name("CAMERA");
   app.add_option("--vertex-budget", job.selection.vertex_budget,
                  "Vertices per picture over the crowd, N")
       ->capture_default_str()
@@ -177,12 +191,15 @@ int main(int argc, char** argv) {
   app.add_option("--title", title, "Write this into the pictures")->type_name("TEXT");
   app.add_option("--source-fps", source_fps, "Frame rate of the file, where it does not say")
       ->check(CLI::Range(0.001, 10000.0));
-  app.add_option("--source-unit", unit, "Unit of length of the file, where it does not say")
-      ->check(CLI::IsMember({"m", "cm"}));
+  app.add_option(
+         "--source-unit", unit,
+         "Unit of length of the file, where it does not say: m, cm, mm or a number of metres")
+      ->type_name("UNIT");
   app.add_option("--z", z_rule, "What the file's z is: height of the ground, or to be ignored")
       ->check(CLI::IsMember({"ground", "ignore"}));
   app.add_option("--format", job.read.format,
-                 "Format of the file, where it can't be told by content");
+                 "Format of the file, where it can't be told by content")
+      ->check(CLI::IsMember(throng::trajectory::format_names()));
   app.add_option("--jpeg-quality", job.jpeg_quality, "1 to 100")
       ->capture_default_str()
       ->check(CLI::Range(1, 100));
@@ -224,11 +241,10 @@ int main(int argc, char** argv) {
     return usage("--size: '" + size + "' must be WxH with 1 to 16384 px a side");
   }
   job.viewport = {static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height)};
-  if (!channel_range.empty() &&
-      (!parse_pair(channel_range, ':', job.channel_low, job.channel_high) ||
-       !std::isfinite(job.channel_low) || !std::isfinite(job.channel_high) ||
-       job.channel_low == job.channel_high)) {
-    return usage("--channel-range: '" + channel_range + "' must be LOW:HIGH with LOW != HIGH");
+  if (!channel_range.empty()) {
+    const auto range = throng::client::parse_range(channel_range);
+    if (!range.ok()) return usage(std::string(range.status().message()));
+    std::tie(job.channel_low, job.channel_high) = *range;
   }
   const auto parsed_overlay = throng::server::parse_overlay(overlay);
   if (!parsed_overlay.ok()) return usage(std::string(parsed_overlay.status().message()));
@@ -243,7 +259,11 @@ int main(int argc, char** argv) {
   if (!parsed_shard.ok()) return usage(std::string(parsed_shard.status().message()));
   job.shard = *parsed_shard;
   if (source_fps > 0) job.read.source_fps = source_fps;
-  if (!unit.empty()) job.read.source_unit_m = unit == "cm" ? 0.01 : 1.0;
+  if (!unit.empty()) {
+    const auto metres = throng::trajectory::parse_unit(unit);
+    if (!metres.ok()) return usage(std::string(metres.status().message()));
+    job.read.source_unit_m = *metres;
+  }
   job.read.ground_z = z_rule == "ground";
   job.selection.rule =
       lod == "dong2019" ? throng::render::LodRule::kDong2019 : throng::render::LodRule::kBudget;

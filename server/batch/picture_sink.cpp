@@ -12,20 +12,10 @@
 namespace throng::server {
 namespace {
 
-absl::Status make_folder_of(const std::string& path) {
-  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
-  if (folder.empty()) return absl::OkStatus();
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (!error) return absl::OkStatus();
-  return absl::UnavailableError(
-      absl::StrCat(folder.string(), ": can't be made: ", error.message()));
-}
-
 template <typename Bytes>
 absl::Status write_bytes(const std::string& path, const absl::StatusOr<Bytes>& bytes) {
   if (!bytes.ok()) return bytes.status();
-  if (absl::Status status = make_folder_of(path); !status.ok()) return status;
+  if (absl::Status status = render::make_folder_of(path); !status.ok()) return status;
   return render::write_file(path, *bytes);
 }
 

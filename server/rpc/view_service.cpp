@@ -83,7 +83,14 @@ class ViewService final : public v1::ViewService::CallbackService {
     grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
     absl::Status status = services_.authorize(*context);
     if (status.ok()) {
-      status = ask(*request, [reactor, response](auto frame) {
+      status = ask(*request, [reactor, request, response](auto frame) {
+        const std::uint64_t followed = request->options().follow_agent();
+        if (frame.ok() && followed != 0 && (*frame)->followed_agent == 0) {
+          frame = absl::NotFoundError(
+              absl::StrFormat("options.follow_agent: there is no agent %d in crowd '%s' at %.2f s",
+                              followed, request->options().crowd_name(),
+                              1e-6 * static_cast<double>((*frame)->scene_time_us)));
+        }
         if (frame.ok()) {
           response->set_image((*frame)->image);
           response->set_scene_time_us((*frame)->scene_time_us);

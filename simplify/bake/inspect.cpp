@@ -62,11 +62,6 @@ std::size_t different(std::vector<T> values) {
   return count;
 }
 
-/// Different places, of which the vertices are the wedges.
-std::size_t point_count(const render::Character& character) {
-  return different(std::vector<glm::vec3>(character.position.begin(), character.position.end()));
-}
-
 /// Different texture coordinates of different places; more vertices than these are hard creases.
 std::size_t uv_count(const render::Character& character) {
   struct PointUv {
@@ -123,6 +118,10 @@ const Counts* table1_row(const Counts& counts) {
 }
 
 }  // namespace
+
+std::size_t point_count(const render::Character& character) {
+  return different(std::vector<glm::vec3>(character.position.begin(), character.position.end()));
+}
 
 std::string inspect_text(const render::Character& character, std::uint64_t file_bytes) {
   std::string text = absl::StrFormat(

@@ -14,6 +14,7 @@
 
 #include "simplify/bake/cast_file.hpp"
 #include "simplify/bake/content_hash.hpp"
+#include "simplify/bake/inspect.hpp"
 #include "simplify/builtin/builtin.hpp"
 #include "simplify/import/gltf.hpp"
 
@@ -164,7 +165,7 @@ class Runner {
     say(absl::StrFormat(
         "%s: %u vertices (%u points), %u triangles, coarsest %u, %u joints, %u clips, %u poses, "
         "%.2f s",
-        job.name, character->vertex_count(), result->point_count, character->triangle_count(),
+        job.name, character->vertex_count(), point_count(*character), character->triangle_count(),
         character->coarsest_count, character->joint_count(), character->clips.size(),
         result->pose_count, result->seconds));
     for (const std::string& note : result->notes) say(absl::StrCat(job.name, ": note: ", note));

@@ -129,6 +129,15 @@ def views(check, more="", replace=("", "")):
     return run_it
 
 
+def window(file):
+    def check(place, command, request):
+        if not (BUILD / "bin/throng-view").exists():
+            pytest.skip("throng-view was not built (libsdl2-dev, libimgui-dev)")
+        run(place, command, "--size 320x240", url=request.getfixturevalue("station"))
+        assert (place / file).read_bytes()[:4] == b"\x89PNG"
+    return check
+
+
 def serves(line):
     def check(place, command, request):
         process, lines, _ = start_server(place, command)
@@ -210,7 +219,9 @@ EXPECTED = {
         lambda done, place: len(list((place / "frames").glob("*.jpg"))) == 5, "--frames 5 --size 320x180"),
     "throng snapshot --crowd station --time 12.5 -o then.png": views(
         lambda done, place: (place / "then.png").read_bytes()[:4] == b"\x89PNG", "--size 320x180"),
-    "throng doctor": prints("raster"),
+    "throng snapshot --crowd station -o plan.png --camera top": views(
+        lambda done, place: (place / "plan.png").read_bytes()[:4] == b"\x89PNG", "--size 320x180"),
+    "throng doctor": prints("raster", "server: "),
     "throng-render run.sqlite -o 'out/####.png'": renders("out/0001.png", "out/0101.png"),
     "throng-render walk.txt --source-fps 16 --source-unit cm -o walk.mp4 --size 1920x1080": renders(
         "walk.mp4", more="--vertex-budget 20000"),
@@ -235,8 +246,8 @@ EXPECTED = {
     "throng-bench paper": elsewhere("tests/bench/experiments/experiments_test.cpp"),
     "throng-bench all --json-dir tests/bench/results": elsewhere("tests/bench/experiments/experiments_test.cpp"),
     "throng-view --server host:7447 --crowd station": elsewhere("tests/client/desktop/test_window.py"),
-    "throng-view --crowd station --overlays time,scale --screenshot station.png": elsewhere(
-        "tests/client/desktop/test_window.py"),
+    "throng-view --crowd station --overlays time,scale --screenshot station.png": window("station.png"),
+    "throng-view --view 'crowd=station&cam=0,0,0,20,-90,30&t=3&show=grid' --screenshot then.png": window("then.png"),
     "cmake --build build/release --target throng_manual": elsewhere("tests/integration/test_manual.py"),
     "source deploy/completion/throng.bash": elsewhere("tests/integration/test_manual.py"),
     "export PATH=$PWD/build/release/bin:$PATH": elsewhere("deploy/demo"),

@@ -20,6 +20,19 @@ NEWEST = "Number(document.getElementById('timeline').getAttribute('aria-valuemax
 FRAME = "Number(document.body.dataset.frame)"
 
 
+def more_frames(page, count):
+    """Waits until as many more were shown: what was on its way is there then."""
+    page.wait(f"{FRAME} > {page.evaluate(FRAME)} + {count}")
+
+
+def shows_time(page, text):
+    page.wait(f"document.getElementById('time').textContent === '{text}'")
+
+
+def is_live(page, pressed):
+    page.wait(f"document.getElementById('live').getAttribute('aria-pressed') === '{pressed}'")
+
+
 def kept_picture(page):
     """Keeps what is on the canvas; gives an expression: how many pixels are others now."""
     page.evaluate("""(() => {
@@ -42,8 +55,7 @@ def test_the_only_crowd_opens_by_itself_and_moves(page):
     width, height, colors = page.evaluate(PIXELS)
     assert (width, height) == (1280, 800)
     assert colors > 40, "a picture of people has many colours"
-    first = page.evaluate(FRAME)
-    page.wait(f"{FRAME} > {first} + 5")
+    more_frames(page, 5)
     assert page.wait("document.getElementById('crowd-count').textContent") == "30 people"
 
 
@@ -73,15 +85,15 @@ def test_space_pauses_this_viewer_alone(page, browser, station):
     page.show()
     page.press(" ")
     page.wait("document.getElementById('play').getAttribute('aria-label') === 'Play'")
-    page.wait("document.getElementById('live').getAttribute('aria-pressed') === 'false'")
-    page.wait(f"{FRAME} > {page.evaluate(FRAME)} + 6")  # what was on its way
+    is_live(page, "false")
+    more_frames(page, 6)  # what was on its way
     there = page.evaluate("document.getElementById('time').textContent")
     newest = page.evaluate(NEWEST)
     page.wait(f"{NEWEST} > {newest} + 0.5")
     assert page.evaluate("document.getElementById('time').textContent") == there
     assert other.evaluate("document.getElementById('live').getAttribute('aria-pressed')") == "true"
     page.press("l")
-    page.wait("document.getElementById('live').getAttribute('aria-pressed') === 'true'")
+    is_live(page, "true")
     other.close()
 
 
@@ -117,7 +129,7 @@ def test_a_link_brings_back_camera_time_colours_and_overlays(page, station):
     at_scene_time(page, station, 6)
     link = "crowd=station&cam=1,2,0,15,-60,30&t=3.2&color=speed,0,3&show=grid,time"
     open_at(page, station, link)
-    page.wait("document.getElementById('time').textContent === '0:03.2'")
+    shows_time(page, "0:03.2")
     assert page.evaluate("document.getElementById('play').getAttribute('aria-label')") == "Play"
     assert page.evaluate("document.getElementById('channel').value") == "speed"
     assert page.evaluate("document.querySelector('#overlays [value=grid]').checked")
@@ -130,10 +142,10 @@ def test_a_link_brings_back_camera_time_colours_and_overlays(page, station):
 def test_steps_go_one_frame_of_the_producer_both_ways(page, station):
     at_scene_time(page, station, 6)
     open_at(page, station, "crowd=station&t=3")
-    page.wait("document.getElementById('time').textContent === '0:03.0'")
+    shows_time(page, "0:03.0")
     for key, time in ((".", "0:03.1"), (".", "0:03.2"), (",", "0:03.1"), (",", "0:03.0"), (",", "0:02.9")):
         page.press(key)
-        page.wait(f"document.getElementById('time').textContent === '{time}'")
+        shows_time(page, time)
 
 
 def test_the_time_line_seeks_and_its_live_edge_returns(page, station):
@@ -141,16 +153,16 @@ def test_the_time_line_seeks_and_its_live_edge_returns(page, station):
     box = page.evaluate("(() => { const b = document.getElementById('timeline').getBoundingClientRect(); "
                         "return [b.x, b.y + b.height / 2, b.width]; })()")
     page.click(box[0] + 2, box[1])
-    page.wait("document.getElementById('live').getAttribute('aria-pressed') === 'false'")
+    is_live(page, "false")
     page.wait("document.getElementById('time').textContent.startsWith('0:0')")
     page.click_on("#live")
-    page.wait("document.getElementById('live').getAttribute('aria-pressed') === 'true'")
+    is_live(page, "true")
 
 
 def test_playing_backwards_goes_back(page, station):
     at_scene_time(page, station, 6)
     open_at(page, station, "crowd=station&t=5")
-    page.wait("document.getElementById('time').textContent === '0:05.0'")
+    shows_time(page, "0:05.0")
     page.evaluate("(() => { const s = document.getElementById('speed'); s.value = '-1'; s.dispatchEvent(new Event('change')); })()")
     page.press(" ")
     page.wait("Number(document.getElementById('timeline').getAttribute('aria-valuenow')) < 4")
@@ -159,7 +171,7 @@ def test_playing_backwards_goes_back(page, station):
 def test_a_click_follows_the_agent_and_escape_lets_go(page, station):
     at_scene_time(page, station, 6)
     open_at(page, station, FROM_ABOVE)
-    page.wait("document.getElementById('time').textContent === '0:05.0'")
+    shows_time(page, "0:05.0")
     page.click(*agent_one(5))
     page.wait("!document.getElementById('agent').hidden")
     assert text(page, "agent-title") == "Agent 1"
@@ -168,7 +180,7 @@ def test_a_click_follows_the_agent_and_escape_lets_go(page, station):
     # The camera goes along: played on, the target is another place.
     before = hash_of(page)["cam"]
     page.press(" ")
-    page.wait(f"{FRAME} > {page.evaluate(FRAME)} + 8")
+    more_frames(page, 8)
     page.press(" ")
     page.press("b")
     page.wait(f"!location.hash.includes({json.dumps(before)})")
@@ -192,8 +204,7 @@ def test_a_click_beside_everybody_follows_nobody(page, station):
     at_scene_time(page, station, 6)
     open_at(page, station, FROM_ABOVE)
     page.click(640, 400)
-    frame = page.evaluate(FRAME)
-    page.wait(f"{FRAME} > {frame} + 5")
+    more_frames(page, 5)
     assert page.evaluate("document.getElementById('agent').hidden")
 
 
@@ -221,7 +232,7 @@ def test_flying_panning_and_views_move_the_camera(page, station):
 
     def hold(key):
         page.key_down(key)
-        page.wait(f"{FRAME} > {page.evaluate(FRAME)} + 3")
+        more_frames(page, 3)
         page.key_up(key)
 
     assert moved_by(lambda: hold("w"))[1] > 0.1
@@ -239,7 +250,7 @@ def test_flying_panning_and_views_move_the_camera(page, station):
 def test_colours_overlays_and_their_legend_are_drawn(page, station):
     at_scene_time(page, station, 6)
     open_at(page, station, "crowd=station&cam=0,0,0,20,-90,30&t=5")
-    page.wait("document.getElementById('time').textContent === '0:05.0'")
+    shows_time(page, "0:05.0")
     page.press("c")
     page.wait("/color=speed,0,[^2]/.test(location.hash)")
     low, high = map(float, hash_of(page)["color"].split(",")[1:])
@@ -257,13 +268,13 @@ def test_colours_overlays_and_their_legend_are_drawn(page, station):
 def test_each_overlay_changes_the_picture_and_leaves_it_again(page, station, key, name, least):
     at_scene_time(page, station, 6)
     open_at(page, station, "crowd=station&cam=0,0,0,20,-90,30&t=4")
-    page.wait("document.getElementById('time').textContent === '0:04.0'")
+    shows_time(page, "0:04.0")
     if name == "trails":  # are drawn of what was seen meanwhile
         page.press(key)
         page.press(" ")
         page.wait("Number(document.getElementById('timeline').getAttribute('aria-valuenow')) > 4.6")
         page.press(" ")
-        page.wait(f"{FRAME} > {page.evaluate(FRAME)} + 8")  # what was on its way
+        more_frames(page, 8)  # what was on its way
         changed = kept_picture(page)
         page.press(key)
         page.wait(f"{changed} > {least}")
@@ -280,7 +291,7 @@ def test_each_overlay_changes_the_picture_and_leaves_it_again(page, station, key
 def test_speed_is_chosen_by_keys_and_kept_in_the_address(page, station):
     at_scene_time(page, station, 6)
     open_at(page, station, "crowd=station&t=1")
-    page.wait("document.getElementById('time').textContent === '0:01.0'")
+    shows_time(page, "0:01.0")
     for _ in range(2):
         page.press("]")
     assert page.evaluate("document.getElementById('speed').value") == "4"

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "client/desktop/view_link.hpp"
+#include "client/desktop/view_text.hpp"
 #include "client/desktop/viewer.hpp"
 
 namespace throng::client {
@@ -49,6 +50,29 @@ TEST(FormatTest, TimesAreWrittenAsOnThePage) {
   EXPECT_EQ(format_time(59'960'000), "1:00.0");
   EXPECT_EQ(format_time(3'723'400'000), "1:02:03.4");
   EXPECT_EQ(format_time(-1'500'000), "-0:01.5");
+}
+
+TEST(ViewTextTest, IsThePagesAddress) {
+  const std::string text =
+      "crowd=main%20hall&cam=1.5,2,0,15,-60,30,ortho&follow=17&t=3.2&speed=0.5&color=a%2Cb,0,2.5"
+      "&show=grid,time";
+  const auto view = parse_view_text("http://127.0.0.1:7480/#" + text);
+  ASSERT_TRUE(view.ok()) << view.status();
+  EXPECT_EQ(view->crowd, "main hall");
+  EXPECT_DOUBLE_EQ(view->camera->distance_m, 15.0);
+  EXPECT_TRUE(view->camera->ortho);
+  EXPECT_EQ(view->follow, 17U);
+  EXPECT_EQ(view->time_us, 3'200'000);
+  EXPECT_EQ(view->channel, "a,b");
+  EXPECT_EQ(view->range, std::pair(0.0, 2.5));
+  EXPECT_EQ(format_view_text(*view), text);
+  EXPECT_EQ(format_view_text(*parse_view_text("")), "");
+  for (const char* bad : {"cam=1,2", "cam=1,2,3,-4,5,6", "cam=nan,0,0,1,0,0", "t=x", "t=1e12",
+                          "follow=-1", "speed=0", "speed=99", "color=a,2,1", "nonsense", "%", "crowd=%4"}) {
+    const auto refused = parse_view_text(bad);
+    ASSERT_FALSE(refused.ok()) << bad;
+    EXPECT_NE(refused.status().message().find(bad), absl::string_view::npos);
+  }
 }
 
 }  // namespace

@@ -403,6 +403,24 @@ TEST_F(Rvo2TextTest, AgentsAreKnownByTheirOrder) {
   EXPECT_DOUBLE_EQ(read_all(path("a.txt"), test::with_unit(0.5)).frames[0].x_m[0], 27.5);
 }
 
+TEST_F(Rvo2TextTest, UnitsAreNamesOrMetres) {
+  EXPECT_EQ(*parse_unit("m"), 1.0);
+  EXPECT_EQ(*parse_unit("cm"), 0.01);
+  EXPECT_EQ(*parse_unit("mm"), 0.001);
+  EXPECT_EQ(*parse_unit("0.2"), 0.2);
+  for (const char* bad : {"", "km/h", "0", "-1", "nan", "inf", "1e7", "2m"}) {
+    EXPECT_FALSE(parse_unit(bad).ok()) << bad;
+  }
+  ReadOptions options;
+  options.source_unit_m = *parse_unit("0.2");
+  const Reading reading = read_all(write("a.txt", kRvo2), options);
+  ASSERT_TRUE(reading.status.ok()) << reading.status;
+  const Reading metres = read_all(write("a.txt", kRvo2));
+  EXPECT_DOUBLE_EQ(reading.frames[0].x_m[0], 0.2 * metres.frames[0].x_m[0]);
+  ASSERT_FALSE(metres.info.notes.empty());
+  EXPECT_NE(metres.info.notes[0].find("--source-unit 0.2"), std::string::npos);
+}
+
 TEST_F(Rvo2TextTest, BrokenLinesAreNamed) {
   expect_error(read_all(write("a.txt", kRvo2), test::with_fps(10)).status, {"--source-fps"});
   expect_error(read_all(write("a.txt", std::string(kRvo2) + "1.0 (1,2) (3")).status,

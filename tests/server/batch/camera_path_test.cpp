@@ -51,6 +51,25 @@ TEST(CameraPathTest, OneCameraStandsStill) {
   }
 }
 
+TEST(CameraPathTest, EyeAndTargetAreSpelledAsInTheViewer) {
+  const auto path = CameraPath::parse("1,-2.5,3:4,5,1e1", kSite);
+  ASSERT_TRUE(path.ok()) << path.status();
+  EXPECT_EQ(path->name(), "camera");
+  EXPECT_EQ(path->at(7.0, *nobody()).eye_world, glm::dvec3(1, -2.5, 3));
+  EXPECT_EQ(path->at(7.0, *nobody()).target_world, glm::dvec3(4, 5, 10));
+  for (const char* bad :
+       {"1,2,3:4,5", "1,2:3,4,5,6", "1,2,3:4,5,nan", "1,2,3:1,2,3", "1,2,3;4,5,6"}) {
+    const auto refused = CameraPath::parse(bad, kSite);
+    ASSERT_FALSE(refused.ok()) << bad;
+    EXPECT_THAT(std::string(refused.status().message()), HasSubstr("--camera: '")) << bad;
+  }
+  EXPECT_EQ(*client::parse_range("0:2.5"), std::pair(0.0, 2.5));
+  EXPECT_EQ(*client::parse_range("3:-1"), std::pair(3.0, -1.0));
+  for (const char* bad : {"", "1", "1:1", "a:2", "1:inf", "1:2:3"}) {
+    EXPECT_FALSE(client::parse_range(bad).ok()) << bad;
+  }
+}
+
 TEST(CameraPathTest, KeysAreMetExactlyAndHeldOutside) {
   const auto path = CameraPath::parse(write(R"({"keys":[{"time_s":0,"eye":[0,0,5],"target":[9,0,0]},
                         {"time_s":1,"eye":[1,0,5],"target":[9,1,0]},

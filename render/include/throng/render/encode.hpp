@@ -57,6 +57,9 @@ absl::StatusOr<std::vector<std::uint8_t>> encode_exr(std::span<const ExrChannel>
                                                      std::uint32_t height_px,
                                                      const std::string& comment);
 
+/// Makes the folder that `path` lies in, if need be. Unavailable names it.
+absl::Status make_folder_of(const std::string& path);
+
 /// Writes `path` atomically: a temporary file beside it, fsync, rename.
 absl::Status write_file(const std::string& path, std::span<const std::uint8_t> bytes);
 

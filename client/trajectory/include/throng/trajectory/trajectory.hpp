@@ -16,7 +16,7 @@ namespace throng::trajectory {
 /// How a file is to be read where it does not say so itself.
 struct ReadOptions {
   std::optional<double> source_fps;     // frames per second; contradicting the file is an error
-  std::optional<double> source_unit_m;  // metres per unit of length (1 or 0.01); likewise
+  std::optional<double> source_unit_m;  // metres per unit of length; likewise
   bool ground_z = false;                // false: z is head height (archive) and is ignored
   std::string format;                   // empty: told by content; else a name of `format_names()`
   // Rows held in memory while a file is sorted by time; more go to a temporary file in $TMPDIR,
@@ -82,6 +82,9 @@ struct Summary {
 
 /// Reads a whole file, in bounded memory but for one id per agent. Errors as of `open` and `next`.
 absl::StatusOr<Summary> summarize(const std::string& path, const ReadOptions& options = {});
+
+/// Metres of a unit of length as --source-unit spells it: "m", "cm", "mm", or a number of metres.
+absl::StatusOr<double> parse_unit(const std::string& text);
 
 /// Names that ReadOptions::format takes.
 std::vector<std::string> format_names();
