@@ -11,16 +11,19 @@
 #include <fstream>
 #include <glm/gtc/quaternion.hpp>
 #include <iterator>
+#include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "render/environment/pieces.hpp"
+#include "render/environment/site_texture.hpp"
 #include "throng/render/environment.hpp"
 
-/// A site as a static glTF 2.0 mesh: triangles of the default scene in their materials' base
-/// colours.
+/// A site as a glTF 2.0 mesh at rest: triangles of the default scene, each in one colour of its
+/// material.
 namespace throng::render {
 namespace {
 
@@ -30,13 +33,21 @@ constexpr std::size_t kMostBytes = 256u << 20;
 constexpr std::size_t kMostTriangles = 2'000'000;
 constexpr double kFarthestM = 1e7;
 constexpr int kDeepest = 64;
-constexpr std::size_t kMostColors = 256;
+constexpr std::size_t kMostNodes = 100'000;
+constexpr double kTexelM = 1.0;                 // textured triangles are cut to this
+constexpr std::size_t kMostDetailed = 500'000;  // as long as there are no more than these
 // Above the ground plane, or a floor at z = 0 would flicker through it.
 constexpr double kLiftM = 0.01;
 
 absl::Status wrong(const std::string& message) {
   return absl::InvalidArgumentError(absl::StrCat("glTF: ", message));
 }
+
+struct Material {
+  glm::dvec3 factor{1.0};  // linear
+  std::shared_ptr<const SiteTexture> texture;
+  std::size_t uv_set = 0;
+};
 
 /// A reader that believes nothing: each access is checked, the first error stays.
 class Site {
@@ -47,21 +58,27 @@ class Site {
   absl::StatusOr<std::shared_ptr<const Environment>> read(const std::string& bytes) {
     if (absl::Status s = parse(bytes); !s.ok()) return s;
     if (absl::Status s = load_buffers(); !s.ok()) return s;
-    if (absl::Status s = load_materials(); !s.ok()) return s;
+    load_materials();
+    if (absl::Status s = place_nodes(); !s.ok()) return s;
     const json* scenes = list("scenes");
     const std::size_t scene = index_of(document_, "scene").value_or(0);
     if (scenes == nullptr || scene >= scenes->size()) return wrong("it has no scene");
     const json* roots = member((*scenes)[scene], "nodes");
     if (roots == nullptr || !roots->is_array()) return wrong("its scene has no nodes");
-    // glTF is +Y up; throng +Z.
-    glm::dmat4 world_from_scene(0.0);
-    world_from_scene[0][0] = world_from_scene[1][2] = world_from_scene[3][3] = 1.0;
-    world_from_scene[2][1] = -1.0;
     for (const json& root : *roots) {
-      if (absl::Status s = add_node(root, world_from_scene, 0); !s.ok()) return s;
+      if (absl::Status s = add_node(root); !s.ok()) return s;
     }
-    if (triangles_ == 0) return wrong("its scene has no triangles");
-    return finish(pieces_, colors_, kTriangleDoubleSided, "glTF: its triangles");
+    if (triangles_.empty()) return wrong("its scene has no triangles");
+    for (const Triangle& t : triangles_) {
+      const glm::dvec3 normal = glm::cross(t.corner[1] - t.corner[0], t.corner[2] - t.corner[0]);
+      piece_at(pieces_, glm::dvec2((t.corner[0] + t.corner[1] + t.corner[2]) / 3.0))
+          .add(glm::vec3(t.corner[0]), glm::vec3(t.corner[1]), glm::vec3(t.corner[2]),
+               glm::vec3(glm::normalize(normal)), color_u(t.color, palette_.colors().size()));
+      if (pieces_.size() > kMostSquares) {
+        return wrong(absl::StrCat("it is in over ", kMostSquares, " squares of ", kPieceM, " m"));
+      }
+    }
+    return finish(pieces_, palette_.colors(), kTriangleDoubleSided, "glTF: its triangles");
   }
 
  private:
@@ -117,6 +134,34 @@ class Site {
     return absl::OkStatus();
   }
 
+  /// What a uri holds: base64 in it, or a file beside this one.
+  absl::StatusOr<std::string> bytes_of(const json& uri, const char* what) const {
+    if (!uri.is_string()) return wrong(absl::StrCat(what, "'s uri is no text"));
+    const std::string& text = uri.get_ref<const std::string&>();
+    if (absl::StartsWith(text, "data:")) {
+      const std::size_t comma = text.find(',');
+      std::string decoded;
+      if (comma == std::string::npos ||
+          !absl::StrContains(absl::string_view(text).substr(0, comma), ";base64") ||
+          !absl::Base64Unescape(absl::string_view(text).substr(comma + 1), &decoded)) {
+        return wrong(absl::StrCat(what, "'s data is not base64"));
+      }
+      return decoded;
+    }
+    const std::filesystem::path name(text);
+    if (name.is_absolute() || absl::StrContains(text, "..") || absl::StrContains(text, ":")) {
+      return wrong(
+          absl::StrCat(what, " is in '", text.substr(0, 80), "', must be beside the file"));
+    }
+    std::ifstream file(std::filesystem::path(folder_) / name, std::ios::binary | std::ios::ate);
+    if (!file || static_cast<std::size_t>(file.tellg()) > kMostBytes) {
+      return wrong(absl::StrCat(what, " ", text.substr(0, 80), " can't be read"));
+    }
+    std::string data(static_cast<std::size_t>(file.tellg()), '\0');
+    file.seekg(0).read(data.data(), static_cast<std::streamsize>(data.size()));
+    return data;
+  }
+
   absl::Status load_buffers() {
     const json* all = list("buffers");
     for (std::size_t i = 0; all != nullptr && i < all->size(); ++i) {
@@ -125,71 +170,122 @@ class Site {
         buffers_.push_back(i == 0 ? std::move(binary_) : std::string());
         continue;
       }
-      if (!uri->is_string()) return wrong("a buffer's uri is no text");
-      const std::string& text = uri->get_ref<const std::string&>();
-      if (absl::StartsWith(text, "data:")) {
-        const std::size_t comma = text.find(',');
-        std::string decoded;
-        if (comma == std::string::npos ||
-            !absl::StrContains(absl::string_view(text).substr(0, comma), ";base64") ||
-            !absl::Base64Unescape(absl::string_view(text).substr(comma + 1), &decoded)) {
-          return wrong("a buffer's data is not base64");
-        }
-        buffers_.push_back(std::move(decoded));
-        continue;
-      }
-      const std::filesystem::path name(text);
-      if (name.is_absolute() || absl::StrContains(text, "..") || absl::StrContains(text, ":")) {
-        return wrong(
-            absl::StrCat("a buffer is in '", text.substr(0, 80), "', must be beside the file"));
-      }
-      std::ifstream file(std::filesystem::path(folder_) / name, std::ios::binary | std::ios::ate);
-      if (!file || static_cast<std::size_t>(file.tellg()) > kMostBytes) {
-        return wrong(absl::StrCat("its buffer ", text.substr(0, 80), " can't be read"));
-      }
-      std::string data(static_cast<std::size_t>(file.tellg()), '\0');
-      file.seekg(0).read(data.data(), static_cast<std::streamsize>(data.size()));
-      buffers_.push_back(std::move(data));
+      absl::StatusOr<std::string> data = bytes_of(*uri, "a buffer");
+      if (!data.ok()) return data.status();
+      buffers_.push_back(*std::move(data));
     }
     return absl::OkStatus();
   }
 
-  absl::Status load_materials() {
-    colors_ = {{200, 200, 200}};  // of triangles without material
+  void load_materials() {
     const json* all = list("materials");
     for (std::size_t i = 0; all != nullptr && i < all->size(); ++i) {
-      if (colors_.size() == kMostColors) return wrong("it has over 255 materials");
-      std::array<double, 3> linear{1.0, 1.0, 1.0};
+      Material& material = materials_.emplace_back();
       const json* metallic = member((*all)[i], "pbrMetallicRoughness");
-      const json* factor = metallic != nullptr ? member(*metallic, "baseColorFactor") : nullptr;
-      for (std::size_t c = 0; factor != nullptr && factor->is_array() && c < 3; ++c) {
-        if (c < factor->size() && (*factor)[c].is_number()) linear[c] = (*factor)[c].get<double>();
+      if (metallic == nullptr) continue;
+      const json* factor = member(*metallic, "baseColorFactor");
+      for (int c = 0; factor != nullptr && factor->is_array() && c < 3; ++c) {
+        const auto at = static_cast<std::size_t>(c);
+        if (at < factor->size() && (*factor)[at].is_number()) {
+          material.factor[c] = std::clamp((*factor)[at].get<double>(), 0.0, 1.0);
+        }
       }
-      Rgb& color = colors_.emplace_back();
-      for (std::size_t c = 0; c < 3; ++c) {
-        const double value = std::clamp(linear[c], 0.0, 1.0);
-        const double srgb =
-            value <= 0.0031308 ? 12.92 * value : 1.055 * std::pow(value, 1.0 / 2.4) - 0.055;
-        color[c] = static_cast<std::uint8_t>(std::lround(255.0 * srgb));
+      const json* texture = member(*metallic, "baseColorTexture");
+      if (texture == nullptr) continue;
+      material.uv_set = index_of(*texture, "texCoord").value_or(0);
+      const json* source = item("textures", index_of(*texture, "index"));
+      const auto image = source != nullptr ? index_of(*source, "source") : std::nullopt;
+      if (image.has_value()) material.texture = texture_of(*image);
+    }
+  }
+
+  /// None: its kind is not read, or it is broken; then the factor alone is shown.
+  std::shared_ptr<const SiteTexture> texture_of(std::size_t index) {
+    if (const auto known = textures_.find(index); known != textures_.end()) return known->second;
+    std::shared_ptr<const SiteTexture>& texture = textures_[index];
+    const json* image = item("images", index);
+    if (image == nullptr) return nullptr;
+    std::string bytes;
+    if (const json* uri = member(*image, "uri"); uri != nullptr) {
+      auto data = bytes_of(*uri, "an image");
+      if (data.ok()) bytes = *std::move(data);
+    } else if (const json* view = item("bufferViews", index_of(*image, "bufferView"))) {
+      const std::size_t buffer = index_of(*view, "buffer").value_or(buffers_.size());
+      const std::size_t from = index_of(*view, "byteOffset").value_or(0);
+      const std::size_t size = index_of(*view, "byteLength").value_or(0);
+      if (buffer < buffers_.size() && from <= buffers_[buffer].size() &&
+          size <= buffers_[buffer].size() - from) {
+        bytes = buffers_[buffer].substr(from, size);
       }
+    }
+    texture = SiteTexture::decode(bytes);
+    return texture;
+  }
+
+  /// Where every node is at rest, without its animations.
+  absl::Status place_nodes() {
+    const json* all = list("nodes");
+    const std::size_t count = all != nullptr ? all->size() : 0;
+    if (count > kMostNodes) return wrong(absl::StrCat("it has over ", kMostNodes, " nodes"));
+    std::vector<std::size_t> parent(count, count);
+    for (std::size_t i = 0; i < count; ++i) {
+      const json* children = member((*all)[i], "children");
+      for (std::size_t k = 0; children != nullptr && children->is_array() && k < children->size();
+           ++k) {
+        if (!(*children)[k].is_number_unsigned()) return wrong("a node's number is none");
+        const auto child = (*children)[k].get<std::size_t>();
+        if (child >= count) return wrong("a node is missing");
+        if (parent[child] != count) return wrong("a node has two parents");
+        parent[child] = i;
+      }
+    }
+    // glTF is +Y up; throng +Z.
+    glm::dmat4 world_from_scene(0.0);
+    world_from_scene[0][0] = world_from_scene[1][2] = world_from_scene[3][3] = 1.0;
+    world_from_scene[2][1] = -1.0;
+    for (std::size_t i = 0; i < count; ++i) {
+      glm::dmat4 placed = local_of((*all)[i]);
+      int depth = 0;
+      for (std::size_t up = parent[i]; up != count; up = parent[up]) {
+        if (++depth > kDeepest) return wrong("its nodes are nested too deep");
+        placed = local_of((*all)[up]) * placed;
+      }
+      world_from_node_.push_back(world_from_scene * placed);
     }
     return absl::OkStatus();
   }
 
-  /// Numbers of an accessor as rows of `width`; floats, or unsigned integers for indices.
-  absl::Status numbers(std::optional<std::size_t> index, std::size_t width, bool is_index,
+  enum class Kind { kIndex, kPosition, kUv, kJoint, kWeight, kMatrix };
+
+  /// Numbers of an accessor, row by row.
+  absl::Status numbers(std::optional<std::size_t> index, Kind kind,
                        std::vector<double>& out) const {
+    struct Shape {
+      const char *name, *type;
+      std::size_t width;
+      bool floats, integers, words, is_normalized;  // 32-bit integers are `words`
+    };
+    static constexpr Shape kShapes[] = {
+        {"indices", "SCALAR", 1, false, true, true, false},
+        {"POSITION", "VEC3", 3, true, false, false, false},
+        {"TEXCOORD", "VEC2", 2, true, true, false, true},
+        {"JOINTS_0", "VEC4", 4, false, true, false, false},
+        {"WEIGHTS_0", "VEC4", 4, true, true, false, true},
+        {"inverseBindMatrices", "MAT4", 16, true, false, false, false}};
+    const Shape& shape = kShapes[static_cast<std::size_t>(kind)];
+    const std::size_t width = shape.width;
     const json* accessor = item("accessors", index);
     if (accessor == nullptr) return wrong("an accessor is missing");
     if (member(*accessor, "sparse") != nullptr) return wrong("sparse accessors are not read");
     const std::size_t type = index_of(*accessor, "componentType").value_or(0);
     const std::size_t size = type == 5126 || type == 5125 ? 4 : type == 5123 ? 2 : 1;
-    const bool is_known = is_index ? type == 5121 || type == 5123 || type == 5125 : type == 5126;
-    const json* shape = member(*accessor, "type");
-    if (!is_known || shape == nullptr || *shape != (width == 1 ? "SCALAR" : "VEC3")) {
-      return wrong(absl::StrCat(is_index ? "indices" : "POSITION", " of component type ", type,
-                                " or of an odd shape"));
+    const bool is_known = (shape.floats && type == 5126) || (shape.words && type == 5125) ||
+                          (shape.integers && (type == 5121 || type == 5123));
+    const json* named = member(*accessor, "type");
+    if (!is_known || named == nullptr || *named != shape.type) {
+      return wrong(absl::StrCat(shape.name, " of component type ", type, " or of an odd shape"));
     }
+    const double unit = !shape.is_normalized || size == 4 ? 1.0 : size == 2 ? 65535.0 : 255.0;
     const json* view = item("bufferViews", index_of(*accessor, "bufferView"));
     if (view == nullptr) return wrong("an accessor has no buffer view");
     const std::size_t buffer = index_of(*view, "buffer").value_or(buffers_.size());
@@ -218,7 +314,7 @@ class Site {
         } else {
           std::uint32_t value = 0;
           std::memcpy(&value, at, size);
-          out[i * width + c] = value;
+          out[i * width + c] = value / unit;
         }
       }
     }
@@ -251,95 +347,169 @@ class Site {
     return result;
   }
 
-  absl::Status add_node(const json& index, const glm::dmat4& world_from_parent, int depth) {
-    if (depth > kDeepest) return wrong("its nodes are nested too deep");
-    if (++nodes_ > 100'000) return wrong("it has over 100,000 nodes");
+  absl::Status add_node(const json& index) {
+    // Nodes have one parent each, so that no walk meets one twice but from two roots.
+    if (++visited_ > kMostNodes) return wrong(absl::StrCat("it has over ", kMostNodes, " nodes"));
     if (!index.is_number_unsigned()) return wrong("a node's number is none");
-    const json* node = item("nodes", index.get<std::size_t>());
+    const auto number = index.get<std::size_t>();
+    const json* node = item("nodes", number);
     if (node == nullptr) return wrong("a node is missing");
-    const glm::dmat4 world_from_node = world_from_parent * local_of(*node);
     if (member(*node, "mesh") != nullptr) {
       const json* mesh = item("meshes", index_of(*node, "mesh"));
       const json* primitives = mesh != nullptr ? member(*mesh, "primitives") : nullptr;
       if (primitives == nullptr || !primitives->is_array()) return wrong("a mesh is missing");
+      // A skinned mesh stands where its joints are; its node's own place does not count.
+      std::vector<glm::dmat4> world_from_skin;
+      if (member(*node, "skin") != nullptr) {
+        if (absl::Status s = place_skin(index_of(*node, "skin"), world_from_skin); !s.ok())
+          return s;
+      }
       for (const json& primitive : *primitives) {
-        if (absl::Status s = add_primitive(primitive, world_from_node); !s.ok()) return s;
+        absl::Status s = add_primitive(primitive, world_from_node_[number], world_from_skin);
+        if (!s.ok()) return s;
       }
     }
     const json* children = member(*node, "children");
     if (children == nullptr || !children->is_array()) return absl::OkStatus();
     for (const json& child : *children) {
-      if (absl::Status s = add_node(child, world_from_node, depth + 1); !s.ok()) return s;
+      if (absl::Status s = add_node(child); !s.ok()) return s;
     }
     return absl::OkStatus();
   }
 
-  absl::Status add_primitive(const json& primitive, const glm::dmat4& world_from_node) {
+  /// For each joint: where it is at rest, times its inverse bind matrix.
+  absl::Status place_skin(std::optional<std::size_t> index, std::vector<glm::dmat4>& joints) const {
+    const json* skin = item("skins", index);
+    const json* nodes = skin != nullptr ? member(*skin, "joints") : nullptr;
+    if (nodes == nullptr || !nodes->is_array()) return wrong("a skin is missing or has no joints");
+    std::vector<double> inverse;
+    if (member(*skin, "inverseBindMatrices") != nullptr) {
+      absl::Status s = numbers(index_of(*skin, "inverseBindMatrices"), Kind::kMatrix, inverse);
+      if (!s.ok()) return s;
+      if (inverse.size() / 16 < nodes->size()) return wrong("a skin lacks inverse bind matrices");
+    }
+    for (std::size_t j = 0; j < nodes->size(); ++j) {
+      const json& node = (*nodes)[j];
+      if (!node.is_number_unsigned() || node.get<std::size_t>() >= world_from_node_.size()) {
+        return wrong("a skin's joint is missing");
+      }
+      joints.push_back(world_from_node_[node.get<std::size_t>()]);
+      if (inverse.empty()) continue;
+      glm::dmat4 matrix;
+      for (std::size_t i = 0; i < 16; ++i) {
+        matrix[static_cast<int>(i / 4)][static_cast<int>(i % 4)] = inverse[16 * j + i];
+      }
+      joints.back() = joints.back() * matrix;
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status add_primitive(const json& primitive, const glm::dmat4& world_from_node,
+                             const std::vector<glm::dmat4>& world_from_skin) {
     if (index_of(primitive, "mode").value_or(4) != 4) return absl::OkStatus();  // points, lines
     const json* attributes = member(primitive, "attributes");
     if (attributes == nullptr) return wrong("a primitive has no attributes");
-    std::vector<double> positions, indices;
-    if (absl::Status s = numbers(index_of(*attributes, "POSITION"), 3, false, positions); !s.ok()) {
-      return s;
-    }
+    std::vector<double> positions, indices, uvs, joints, weights;
+    absl::Status s = numbers(index_of(*attributes, "POSITION"), Kind::kPosition, positions);
+    if (!s.ok()) return s;
     const std::size_t corners = positions.size() / 3;
     if (member(primitive, "indices") != nullptr) {
-      if (absl::Status s = numbers(index_of(primitive, "indices"), 1, true, indices); !s.ok()) {
-        return s;
-      }
+      s = numbers(index_of(primitive, "indices"), Kind::kIndex, indices);
+      if (!s.ok()) return s;
     } else {
       for (std::size_t i = 0; i < corners; ++i) indices.push_back(static_cast<double>(i));
     }
-    const std::size_t color =
-        std::min(index_of(primitive, "material").value_or(colors_.size()) + 1, colors_.size());
-    const std::uint16_t u = color_u(color < colors_.size() ? color : 0, colors_.size());
+    static const Material kPlain{glm::dvec3(0.578), {}, 0};  // sRGB 200
+    const std::size_t number = index_of(primitive, "material").value_or(materials_.size());
+    const Material& material = number < materials_.size() ? materials_[number] : kPlain;
+    const std::string uv_name = absl::StrCat("TEXCOORD_", material.uv_set);
+    if (material.texture != nullptr && member(*attributes, uv_name.c_str()) != nullptr) {
+      s = numbers(index_of(*attributes, uv_name.c_str()), Kind::kUv, uvs);
+      if (!s.ok()) return s;
+      if (uvs.size() / 2 < corners) return wrong("TEXCOORD has fewer rows than POSITION");
+    }
+    if (!world_from_skin.empty() && member(*attributes, "JOINTS_0") != nullptr) {
+      s = numbers(index_of(*attributes, "JOINTS_0"), Kind::kJoint, joints);
+      if (s.ok()) s = numbers(index_of(*attributes, "WEIGHTS_0"), Kind::kWeight, weights);
+      if (!s.ok()) return s;
+      if (joints.size() / 4 < corners || weights.size() / 4 < corners) {
+        return wrong("JOINTS_0 or WEIGHTS_0 has fewer rows than POSITION");
+      }
+    }
+    std::vector<glm::dvec3> places(corners);
+    for (std::size_t i = 0; i < corners; ++i) {
+      const glm::dvec4 p(positions[3 * i], positions[3 * i + 1], positions[3 * i + 2], 1.0);
+      glm::dvec4 placed = world_from_node * p;
+      double sum = 0.0;
+      glm::dvec4 skinned(0.0);
+      for (std::size_t k = 4 * i; k < 4 * i + 4 && !joints.empty(); ++k) {
+        const auto joint = static_cast<std::size_t>(joints[k]);
+        if (weights[k] == 0.0) continue;
+        if (joint >= world_from_skin.size()) {
+          return wrong(absl::StrCat("joint ", joint, " of ", world_from_skin.size()));
+        }
+        skinned += weights[k] * (world_from_skin[joint] * p);
+        sum += weights[k];
+      }
+      if (sum > 0.0) placed = skinned / sum;
+      places[i] = glm::dvec3(placed) - origin_ + glm::dvec3(0.0, 0.0, kLiftM);
+      for (int axis = 0; axis < 3; ++axis) {
+        if (std::abs(places[i][axis]) <= kFarthestM) continue;
+        return wrong(absl::StrCat("a corner is at ", places[i][axis],
+                                  " m from the crowd's origin, must be within 1e7"));
+      }
+    }
     for (std::size_t i = 0; i + 2 < indices.size(); i += 3) {
-      std::array<glm::dvec3, 3> triangle;
+      std::array<Corner, 3> triangle;
       for (std::size_t k = 0; k < 3; ++k) {
         const auto corner = static_cast<std::size_t>(indices[i + k]);
         if (corner >= corners) return wrong(absl::StrCat("index ", corner, " of ", corners));
-        const double* p = positions.data() + 3 * corner;
-        triangle[k] = glm::dvec3(world_from_node * glm::dvec4(p[0], p[1], p[2], 1.0)) - origin_ +
-                      glm::dvec3(0.0, 0.0, kLiftM);
-        for (int axis = 0; axis < 3; ++axis) {
-          if (std::abs(triangle[k][axis]) <= kFarthestM) continue;
-          return wrong(absl::StrCat("a corner is at ", triangle[k][axis],
-                                    " m from the crowd's origin, must be within 1e7"));
-        }
+        triangle[k].place = places[corner];
+        if (!uvs.empty()) triangle[k].uv = {uvs[2 * corner], uvs[2 * corner + 1]};
       }
-      if (absl::Status s = add_triangle(triangle, u); !s.ok()) return s;
+      s = add_triangle(triangle, material, !uvs.empty());
+      if (!s.ok()) return s;
     }
     return absl::OkStatus();
   }
 
-  /// Halves the longest edge until all are short, so that pieces can be culled one by one.
-  absl::Status add_triangle(const std::array<glm::dvec3, 3>& t, std::uint16_t u) {
-    int longest = 0;
+  struct Corner {
+    glm::dvec3 place{0.0};
+    glm::dvec2 uv{0.0};
+  };
+  struct Triangle {
+    std::array<glm::dvec3, 3> corner;
+    std::uint8_t color = 0;
+  };
+
+  /// Halves the longest edge until all are short, so that pieces can be culled one by one, and a
+  /// textured triangle until what it shows is about one colour.
+  absl::Status add_triangle(const std::array<Corner, 3>& t, const Material& material, bool has_uv) {
+    std::size_t longest = 0;
     double longest_m = 0.0;
-    for (int i = 0; i < 3; ++i) {
-      const double length_m = glm::distance(t[i], t[(i + 1) % 3]);
+    for (std::size_t i = 0; i < 3; ++i) {
+      const double length_m = glm::distance(t[i].place, t[(i + 1) % 3].place);
       if (length_m > longest_m) {
         longest_m = length_m;
         longest = i;
       }
     }
-    const glm::dvec3 &a = t[longest], &b = t[(longest + 1) % 3], &c = t[(longest + 2) % 3];
-    if (longest_m > kPieceM) {
-      const glm::dvec3 middle = 0.5 * (a + b);
-      if (absl::Status s = add_triangle({a, middle, c}, u); !s.ok()) return s;
-      return add_triangle({middle, b, c}, u);
+    const Corner &a = t[longest], &b = t[(longest + 1) % 3], &c = t[(longest + 2) % 3];
+    const bool is_textured = has_uv && material.texture != nullptr;
+    const double limit_m = is_textured && triangles_.size() < kMostDetailed ? kTexelM : kPieceM;
+    if (longest_m > limit_m) {
+      const Corner middle{0.5 * (a.place + b.place), 0.5 * (a.uv + b.uv)};
+      if (absl::Status s = add_triangle({a, middle, c}, material, has_uv); !s.ok()) return s;
+      return add_triangle({middle, b, c}, material, has_uv);
     }
-    const glm::dvec3 across = glm::cross(b - a, c - a);
-    const double size = glm::length(across);
+    const double size = glm::length(glm::cross(b.place - a.place, c.place - a.place));
     if (!(size > 1e-12)) return absl::OkStatus();  // a line or a point
-    if (++triangles_ > kMostTriangles) {
+    if (triangles_.size() == kMostTriangles) {
       return wrong(absl::StrCat("it has over ", kMostTriangles, " triangles of at most 16 m"));
     }
-    if (pieces_.size() > kMostSquares) {
-      return wrong(absl::StrCat("it is in over ", kMostSquares, " squares of ", kPieceM, " m"));
-    }
-    piece_at(pieces_, glm::dvec2((a + b + c) / 3.0))
-        .add(glm::vec3(a), glm::vec3(b), glm::vec3(c), glm::vec3(across / size), u);
+    glm::dvec3 linear = material.factor;
+    if (is_textured) linear *= material.texture->mean(a.uv, b.uv, c.uv);
+    triangles_.push_back({{a.place, b.place, c.place}, palette_.index_of(linear)});
     return absl::OkStatus();
   }
 
@@ -351,9 +521,13 @@ class Site {
   json document_;
   std::string binary_;
   std::vector<std::string> buffers_;
-  std::vector<Rgb> colors_;  // 0: none, then by material
+  std::vector<Material> materials_;
+  std::map<std::size_t, std::shared_ptr<const SiteTexture>> textures_;  // by image
+  std::vector<glm::dmat4> world_from_node_;
+  std::vector<Triangle> triangles_;
+  SitePalette palette_;
   Pieces pieces_;
-  std::size_t triangles_ = 0, nodes_ = 0;
+  std::size_t visited_ = 0;
 };
 
 }  // namespace

@@ -8,6 +8,7 @@
 
 #include "support/data_dir.hpp"
 #include "support/temporary_folder.hpp"
+#include "throng/render/encode.hpp"
 #include "throng/render/environment.hpp"
 
 namespace throng::render {
@@ -166,8 +167,8 @@ TEST(SiteTest, StaticGltfStandsWhereItsNodesSay) {
   double area_m2 = 0.0;
   for (const Character& piece : (*site)->pieces) {
     EXPECT_LT(piece.bounds.w, 20.0F);
-    EXPECT_EQ(piece.base_color.texels[4], 255) << "red, beside the colour of what has no material";
-    EXPECT_EQ(piece.base_color.texels[5], 0);
+    EXPECT_EQ(piece.base_color.texels[0], 255) << "red";
+    EXPECT_EQ(piece.base_color.texels[1], 0);
     for (const glm::uvec3& t : piece.triangle) {
       const glm::vec3 &a = piece.position[t.x], &b = piece.position[t.y], &c = piece.position[t.z];
       EXPECT_NEAR(a.z, 1.01F, 1e-5F);
@@ -179,6 +180,79 @@ TEST(SiteTest, StaticGltfStandsWhereItsNodesSay) {
     }
   }
   EXPECT_NEAR(area_m2, 400.0, 1e-3);
+}
+
+/// A square of 4 x 4 m with a texture, red on the left and green on the right, and a skin: its far
+/// corners hang on a joint that stands 2 m above where it was bound.
+std::string textured_gltf(const std::string& image) {
+  const float corners[] = {0, 0, 0, 4, 0, 0, 4, 0, -4, 0, 0, -4};
+  const float uvs[] = {0, 1, 1, 1, 1, 0, 0, 0};
+  const unsigned char joints[] = {0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0};
+  const unsigned char weights[] = {255, 0, 0, 0, 255, 0, 0, 0, 255, 0, 0, 0, 255, 0, 0, 0};
+  const unsigned char indices[] = {0, 1, 2, 0, 2, 3};
+  std::string bytes;
+  const auto add = [&](const auto& part) {
+    bytes.append(reinterpret_cast<const char*>(&part), sizeof part);
+  };
+  add(corners), add(uvs), add(joints), add(weights), add(indices);
+  std::string base64, image64;
+  absl::Base64Escape(bytes, &base64);
+  absl::Base64Escape(image, &image64);
+  return R"({"asset": {"version": "2.0"}, "scenes": [{"nodes": [0, 1, 2]}],
+    "nodes": [{"mesh": 0, "skin": 0, "translation": [70, 70, 70]}, {}, {"translation": [0, 2, 0]}],
+    "skins": [{"joints": [1, 2]}],
+    "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1, "JOINTS_0": 2,
+                                               "WEIGHTS_0": 3}, "indices": 4, "material": 0}]}],
+    "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+    "textures": [{"source": 0}], "images": [{"uri": "data:image/png;base64,)" +
+         image64 + R"("}],
+    "accessors": [{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+                  {"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC2"},
+                  {"bufferView": 2, "componentType": 5121, "count": 4, "type": "VEC4"},
+                  {"bufferView": 3, "componentType": 5121, "count": 4, "type": "VEC4",
+                   "normalized": true},
+                  {"bufferView": 4, "componentType": 5121, "count": 6, "type": "SCALAR"}],
+    "bufferViews": [{"buffer": 0, "byteLength": 48}, {"buffer": 0, "byteOffset": 48},
+                    {"buffer": 0, "byteOffset": 80}, {"buffer": 0, "byteOffset": 96},
+                    {"buffer": 0, "byteOffset": 112}],
+    "buffers": [{"byteLength": 118, "uri": "data:application/octet-stream;base64,)" +
+         base64 + "\"}]}";
+}
+
+TEST(SiteTest, GltfShowsItsTexturesAndStandsAtRestInItsSkin) {
+  const std::uint8_t pixels[] = {255, 0, 0, 0, 0, 255, 0, 0};
+  const auto png = encode_png(pixels, 2, 1);
+  ASSERT_TRUE(png.ok());
+  const auto site = read("hall.gltf", textured_gltf({png->begin(), png->end()}));
+  ASSERT_TRUE(site.ok()) << site.status();
+  double red_m2 = 0.0, green_m2 = 0.0;
+  for (const Character& piece : (*site)->pieces) {
+    const std::size_t width = piece.base_color.width_px;
+    for (const glm::uvec3& t : piece.triangle) {
+      const glm::vec3 &a = piece.position[t.x], &b = piece.position[t.y], &c = piece.position[t.z];
+      for (const glm::vec3& p : {a, b, c}) {
+        EXPECT_NEAR(p.z, 0.01F + 0.5F * p.y, 1e-4F) << "a ramp of 2 m";
+        EXPECT_LE(p.y, 4.001F);
+      }
+      const std::size_t texel = 4 * (std::size_t{piece.uv[t.x].x} * width / 65536);
+      const double area_m2 = 0.5 * static_cast<double>(glm::cross(b - a, c - a).z);
+      if (piece.base_color.texels[texel] > 200) red_m2 += area_m2;
+      if (piece.base_color.texels[texel + 1] > 200) green_m2 += area_m2;
+      EXPECT_EQ(piece.base_color.texels[texel + 2], 0);
+    }
+  }
+  EXPECT_NEAR(red_m2, 8.0, 1.5);
+  EXPECT_NEAR(green_m2, 8.0, 1.5);
+
+  // A texture that can't be read leaves the material's own colour.
+  const auto plain = read("hall.gltf", textured_gltf("no picture"));
+  ASSERT_TRUE(plain.ok()) << plain.status();
+  EXPECT_EQ((*plain)->pieces[0].base_color.texels[0], 255);
+  EXPECT_EQ((*plain)->pieces[0].base_color.texels[2], 255);
+
+  std::string joint = textured_gltf("");
+  joint.replace(joint.find("[1, 2]"), 6, "[1]");
+  EXPECT_THAT(std::string(read("bad.gltf", joint).status().message()), HasSubstr("joint 1 of 1"));
 }
 
 TEST(SiteTest, BinaryGltfIsReadToo) {

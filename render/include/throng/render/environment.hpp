@@ -61,8 +61,9 @@ absl::StatusOr<std::shared_ptr<const Environment>> make_environment(
 absl::StatusOr<std::string> walkable_area_of(const std::string& text);
 
 /// The environment that a file holds: walls around what `walkable_area_of` takes from it, or a
-/// static glTF 2.0 mesh (.glb, .gltf), +Y up, in metres: triangles of its scene in their materials'
-/// base colours; textures, skins and compressed meshes are not read. NotFound; InvalidArgument
+/// glTF 2.0 mesh (.glb, .gltf), +Y up, in metres: triangles of its scene, animated and skinned ones
+/// at rest, in their materials' base colours. A texture (PNG, JPEG) is shown as the mean colour of
+/// pieces of a metre, 256 colours in all. Compressed meshes are not read. NotFound; InvalidArgument
 /// names the file and what is wrong. Errors else as make_environment.
 absl::StatusOr<std::shared_ptr<const Environment>> read_environment(
     const std::string& path, const glm::dvec3& origin_world,
