@@ -37,7 +37,7 @@ if(THRONG_WITH_CUDA)
       TIMEOUT 120 OUTPUT_QUIET ERROR_QUIET RESULT_VARIABLE failed)
     file(GLOB wheel ${CMAKE_BINARY_DIR}/nvjpeg/*.whl)
     if(wheel)
-      file(ARCHIVE_EXTRACT INPUT ${wheel} DESTINATION ${CMAKE_BINARY_DIR}/nvjpeg PATTERNS "*/nvjpeg.h")
+      file(ARCHIVE_EXTRACT INPUT ${wheel} DESTINATION ${CMAKE_BINARY_DIR}/nvjpeg PATTERNS "*/nvjpeg.h" "*/libnvjpeg.so*")
       file(REMOVE ${wheel})
     endif()
     find_path(THRONG_NVJPEG_INCLUDE nvjpeg.h

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace throng::render {
 
@@ -42,6 +43,39 @@ absl::Status check_surroundings(const Surroundings& surroundings, std::size_t ch
   if (surroundings.member_count == 0 || end <= character_count) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat("advance: the surroundings end with cast member ",
                                                  end - 1, ", must be less than ", character_count));
+}
+
+absl::Status check_bracket(std::int64_t older_time_us, std::int64_t newer_time_us) {
+  if (older_time_us <= newer_time_us) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("advance: older is at ", older_time_us,
+                                                 " us, must not be after newer at ", newer_time_us,
+                                                 " us"));
+}
+
+absl::Status check_selection(const Selection& selection) {
+  if (selection.alpha != 3.0F) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("select: alpha is ", selection.alpha, ", must be 3"));
+  }
+  if (!(selection.point_size_px > 0.0F)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("select: point_size_px is ", selection.point_size_px, ", must be > 0"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status check_mask(std::size_t size, std::size_t instances) {
+  if (size == instances) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("read_visible: visible has ", size, " elements, must have ", instances));
+}
+
+absl::Status check_batch(std::uint64_t vertices, std::uint64_t triangles) {
+  constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max();
+  if (vertices <= kMost && 3 * triangles <= kMost) return absl::OkStatus();
+  return absl::ResourceExhaustedError(absl::StrCat("allocate: ", vertices, " vertices and ",
+                                                   3 * triangles, " indices, must each be at most ",
+                                                   kMost, "; lower the vertex budget"));
 }
 
 absl::Status check_camera(const Camera& camera, const Viewport& viewport) {

@@ -80,10 +80,10 @@ class CpuBackend final : public ComputeBackend {
     if (older_cpu == nullptr || newer_cpu == nullptr) {
       return absl::InvalidArgumentError("advance: a snapshot is of another backend");
     }
-    if (older_cpu->snapshot->time_us > newer_cpu->snapshot->time_us) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("advance: older is at ", older_cpu->snapshot->time_us,
-                       " us, must not be after newer at ", newer_cpu->snapshot->time_us, " us"));
+    if (absl::Status status =
+            check_bracket(older_cpu->snapshot->time_us, newer_cpu->snapshot->time_us);
+        !status.ok()) {
+      return status;
     }
     try {
       std::shared_ptr<CpuInstances> instances = InstancesPool::take(instances_pool_);
@@ -130,14 +130,7 @@ class CpuBackend final : public ComputeBackend {
         !status.ok()) {
       return status;
     }
-    if (selection.alpha != 3.0F) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("select: alpha is ", selection.alpha, ", must be 3"));
-    }
-    if (!(selection.point_size_px > 0.0F)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("select: point_size_px is ", selection.point_size_px, ", must be > 0"));
-    }
+    if (absl::Status status = check_selection(selection); !status.ok()) return status;
     if (!(selection.mixed.error_px > 0.0F) || !(selection.mixed.speck_error > 0.0F) ||
         !(selection.mixed.least_px > 0.0F)) {
       return absl::InvalidArgumentError(
@@ -258,9 +251,8 @@ class CpuBackend final : public ComputeBackend {
         !status.ok()) {
       return status;
     }
-    if (visible.size() != own->mask.size()) {
-      return absl::InvalidArgumentError(absl::StrCat("read_visible: visible has ", visible.size(),
-                                                     " elements, must have ", own->mask.size()));
+    if (absl::Status status = check_mask(visible.size(), own->mask.size()); !status.ok()) {
+      return status;
     }
     std::copy_n(own->mask.data(), own->mask.size(), visible.begin());
     return absl::OkStatus();

@@ -195,12 +195,7 @@ absl::Status allocate(CpuView& view) {
     vertices += view.visible[i].vertex_count;
     triangles += view.visible[i].triangle_count;
   }
-  constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max();
-  if (vertices > kMost || 3 * triangles > kMost) {
-    return absl::ResourceExhaustedError(
-        "allocate: " + std::to_string(vertices) + " vertices and " + std::to_string(3 * triangles) +
-        " indices, must each be at most " + std::to_string(kMost) + "; lower the vertex budget");
-  }
+  if (absl::Status status = check_batch(vertices, triangles); !status.ok()) return status;
   view.vertex_offset[count] = static_cast<std::uint32_t>(vertices);
   view.triangle_offset[count] = static_cast<std::uint32_t>(triangles);
   keep_vertices(view);

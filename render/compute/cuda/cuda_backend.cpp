@@ -264,10 +264,8 @@ class CudaBackend final : public ComputeBackend {
     if (from == nullptr || to == nullptr) {
       return absl::InvalidArgumentError("advance: a snapshot is of another backend");
     }
-    if (from->time_us > to->time_us) {
-      return absl::InvalidArgumentError(absl::StrCat("advance: older is at ", from->time_us,
-                                                     " us, must not be after newer at ",
-                                                     to->time_us, " us"));
+    if (absl::Status status = check_bracket(from->time_us, to->time_us); !status.ok()) {
+      return status;
     }
     THRONG_CUDA_TRY(cudaSetDevice(device_), "advance");
     AdvanceJob job;
@@ -370,10 +368,7 @@ class CudaBackend final : public ComputeBackend {
         !status.ok()) {
       return status;
     }
-    if (selection.alpha != 3.0F) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("select: alpha is ", selection.alpha, ", must be 3"));
-    }
+    if (absl::Status status = check_selection(selection); !status.ok()) return status;
     const std::uint32_t slots = own->instances->count;
     THRONG_CUDA_TRY(cudaSetDevice(device_), "select");
     THRONG_CUDA_TRY(own->share.resize(slots), "select");
@@ -437,9 +432,9 @@ class CudaBackend final : public ComputeBackend {
     PosedJob posed;
     if (absl::Status status = posed_job(*own, posed); !status.ok()) return status;
     THRONG_CUDA_TRY(own->moments.make(), "allocate");
-    const auto launches = [&](cudaStream_t stream) -> absl::Status {
+    const auto launches = [&](cudaStream_t stream, bool recorded) -> absl::Status {
       const auto passes = [&](CudaView::Moment moment) {
-        return own->moments.record(moment, stream, true);
+        return own->moments.record(moment, stream, recorded);
       };
       THRONG_CUDA_TRY(passes(CudaView::kBegun), "cull");
       if (absl::Status status = launch_pending_cull(*own, stream); !status.ok()) return status;
@@ -459,12 +454,9 @@ class CudaBackend final : public ComputeBackend {
     own->times.select_ms = own->moments.ms(CudaView::kCullEnds, CudaView::kSelectEnds);
     own->times.allocate_ms = own->moments.ms(CudaView::kSelectEnds, CudaView::kAllocateEnds);
     own->times.generate_ms = own->moments.ms(CudaView::kGenerateBegins, CudaView::kGenerateEnds);
-    constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max();
     const DeviceCounters& seen = own->seen;
-    if (seen.own_vertices > kMost || 3 * seen.own_triangles > kMost) {
-      return absl::ResourceExhaustedError(
-          absl::StrCat("allocate: ", seen.own_vertices, " vertices and ", 3 * seen.own_triangles,
-                       " indices, must each be at most ", kMost, "; lower the vertex budget"));
+    if (absl::Status status = check_batch(seen.own_vertices, seen.own_triangles); !status.ok()) {
+      return status;
     }
     THRONG_CUDA_TRY(own->vertices.resize(seen.own_vertices), "allocate");
     THRONG_CUDA_TRY(own->indices.resize(3 * seen.own_triangles), "allocate");
@@ -552,10 +544,8 @@ class CudaBackend final : public ComputeBackend {
         !status.ok()) {
       return status;
     }
-    if (visible.size() != own->instances->count) {
-      return absl::InvalidArgumentError(absl::StrCat("read_visible: visible has ", visible.size(),
-                                                     " elements, must have ",
-                                                     own->instances->count));
+    if (absl::Status status = check_mask(visible.size(), own->instances->count); !status.ok()) {
+      return status;
     }
     if (absl::Status status = launch_pending(*own, stream_); !status.ok()) return status;
     THRONG_CUDA_TRY(cudaMemcpyAsync(visible.data(), own->mask.data(), visible.size(),

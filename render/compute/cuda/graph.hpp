@@ -3,13 +3,16 @@
 #include <absl/status/status.h>
 #include <cuda_runtime_api.h>
 
+#include <utility>
+
 #include "render/compute/cuda/memory.hpp"
 
 namespace throng::render::cuda {
 
 /// Launches that go to the device in one go. They are recorded anew for each frame, as their
 /// arguments change, and put into the graph of the frame before, which is cheap while the kernels
-/// are the same; where they are not, a new graph is made.
+/// are the same; where they are not, a new graph is made. The first time they are launched one by
+/// one: kernels are loaded when they are first used, and that is not for a recording.
 class LaunchGraph {
  public:
   LaunchGraph() = default;
@@ -20,16 +23,17 @@ class LaunchGraph {
     if (recorder_ != nullptr) cudaStreamDestroy(recorder_);
   }
 
-  /// @param launches  called once, with a stream to launch on that nobody else uses, and does
-  ///   nothing else: no memory, no waiting.
+  /// @param launches  called once, with a stream to launch on and whether it is recorded, and
+  ///   does nothing else: no memory, no waiting.
   template <typename Launches>
   absl::Status run(cudaStream_t stream, const char* call, const Launches& launches) {
+    if (!std::exchange(is_warm_, true)) return launches(stream, false);
     if (!has_recorder_) {
       THRONG_CUDA_TRY(cudaStreamCreateWithFlags(&recorder_, cudaStreamNonBlocking), call);
       has_recorder_ = true;
     }
-    THRONG_CUDA_TRY(cudaStreamBeginCapture(recorder_, cudaStreamCaptureModeThreadLocal), call);
-    absl::Status status = launches(recorder_);
+    THRONG_CUDA_TRY(cudaStreamBeginCapture(recorder_, cudaStreamCaptureModeRelaxed), call);
+    absl::Status status = launches(recorder_, true);
     cudaGraph_t graph = nullptr;
     const cudaError_t ended = cudaStreamEndCapture(recorder_, &graph);
     if (!status.ok() || ended != cudaSuccess) {
@@ -62,7 +66,7 @@ class LaunchGraph {
   }
 
   cudaStream_t recorder_ = nullptr;
-  bool has_recorder_ = false;
+  bool is_warm_ = false, has_recorder_ = false;
   cudaGraphExec_t ready_ = nullptr;
 };
 

@@ -42,7 +42,7 @@ using cudaEvent_t = struct CudaOnHostEvent*;
 using cudaMemPool_t = struct CudaOnHostPool*;
 using cudaGraph_t = struct CudaOnHostGraph*;
 using cudaGraphExec_t = struct CudaOnHostGraphExec*;
-enum cudaStreamCaptureMode { cudaStreamCaptureModeThreadLocal };
+enum cudaStreamCaptureMode { cudaStreamCaptureModeRelaxed };
 struct cudaGraphExecUpdateResultInfo {};
 struct cudaUUID_t {
   char bytes[16];

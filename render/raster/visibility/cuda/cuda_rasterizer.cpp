@@ -177,7 +177,8 @@ class CudaRasterizer final : public Rasterizer {
   absl::Status check(const FrameGeometry& geometry, const Viewport& viewport) const;
   absl::Status take_geometry(const FrameGeometry& geometry, RasterJob& job);
   absl::Status make_room(RasterJob& job, std::uint32_t most_blocks);
-  absl::Status run(const RasterJob& job, std::uint32_t most_blocks, cudaStream_t stream);
+  absl::Status run(const RasterJob& job, std::uint32_t most_blocks, cudaStream_t stream,
+                   bool recorded);
   absl::StatusOr<std::shared_ptr<CudaPicture>> free_picture();
   absl::Status read_facts(const RasterJob& job);
   void take_counts();
@@ -402,11 +403,11 @@ absl::Status CudaRasterizer::make_room(RasterJob& job, std::uint32_t most_blocks
 }
 
 absl::Status CudaRasterizer::run(const RasterJob& job, std::uint32_t most_blocks,
-                                 cudaStream_t stream) {
+                                 cudaStream_t stream, bool recorded) {
   Buffers& b = *buffers_;
   const std::size_t pixels = std::size_t{job.width_px} * job.height_px;
   const std::size_t words = std::size_t{16} * job.word_blocks_x * ((2 * job.height_px + 3) / 4);
-  THRONG_CUDA_TRY(moments_.record(kBegun, stream, true), kDraw);
+  THRONG_CUDA_TRY(moments_.record(kBegun, stream, recorded), kDraw);
   THRONG_CUDA_TRY(cudaMemsetAsync(job.counts, 0, sizeof(RasterCounts), stream), kDraw);
   if (job.count > 0) {
     THRONG_CUDA_TRY(cudaMemsetAsync(job.words, 0, words * sizeof(Word), stream), kDraw);
@@ -421,15 +422,15 @@ absl::Status CudaRasterizer::run(const RasterJob& job, std::uint32_t most_blocks
                     kDraw);
     THRONG_CUDA_TRY(launch_shadows(job, stream), kDraw);
   }
-  THRONG_CUDA_TRY(moments_.record(kShadowsEnd, stream, true), kDraw);
+  THRONG_CUDA_TRY(moments_.record(kShadowsEnd, stream, recorded), kDraw);
   if (job.count > 0) {
     THRONG_CUDA_TRY(launch_raster(job, most_blocks, stream), kDraw);
     THRONG_CUDA_TRY(launch_shared(job, stream), kDraw);
     THRONG_CUDA_TRY(launch_large(job, stream), kDraw);
   }
-  THRONG_CUDA_TRY(moments_.record(kTrianglesEnd, stream, true), kDraw);
+  THRONG_CUDA_TRY(moments_.record(kTrianglesEnd, stream, recorded), kDraw);
   THRONG_CUDA_TRY(launch_resolve(job, stream), kDraw);
-  THRONG_CUDA_TRY(moments_.record(kResolveEnds, stream, true), kDraw);
+  THRONG_CUDA_TRY(moments_.record(kResolveEnds, stream, recorded), kDraw);
   THRONG_CUDA_TRY(launch_facts(job, stream), kDraw);
   return absl::OkStatus();
 }
@@ -518,8 +519,8 @@ absl::Status CudaRasterizer::draw(const FrameGeometry& geometry, const Camera& c
   }
   THRONG_CUDA_TRY(cudaEventRecord(began_, stream_), kDraw);
   THRONG_CUDA_TRY(moments_.make(), kDraw);
-  const auto launches = [&](cudaStream_t stream) {
-    return run(job, static_cast<std::uint32_t>(most_blocks), stream);
+  const auto launches = [&](cudaStream_t stream, bool recorded) {
+    return run(job, static_cast<std::uint32_t>(most_blocks), stream, recorded);
   };
   if (absl::Status status = graph_.run(stream_, kDraw, launches); !status.ok()) return status;
   THRONG_CUDA_TRY(cudaEventRecord((*kept)->drawn(), stream_), kDraw);

@@ -44,6 +44,10 @@ cudaError_t CudaPicture::resize(std::uint32_t width_px, std::uint32_t height_px)
   // whole groups of four pixels are packed at a time
   const std::size_t pixels = std::size_t{width_px} * height_px + 3;
   const std::uint32_t* before = pixels_.data();
+  // a picture that nobody wanted may still be drawn
+  if (const cudaError_t error = cudaStreamWaitEvent(stream_, drawn_, 0); error != cudaSuccess) {
+    return error;
+  }
   if (const cudaError_t error = pixels_.resize(pixels); error != cudaSuccess) return error;
   // another stream draws there
   return pixels_.data() == before ? cudaSuccess : cudaStreamSynchronize(stream_);
