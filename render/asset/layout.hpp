@@ -76,6 +76,7 @@ enum class Section : std::uint32_t {
   kPoint = 24,
   kPointRadius = 25,
   kPointTone = 26,
+  kCornerTone = 27,  // CornerToneHeader, ToneBand[band_count], then the words
 };
 
 struct SectionEntry {
@@ -139,6 +140,15 @@ struct ReliefHeader {
   std::uint32_t reserved[12];
 };
 static_assert(sizeof(ReliefHeader) == 64);
+
+struct CornerToneHeader {
+  std::uint32_t version;  // of what follows: kCornerToneVersion
+  std::uint32_t band_count;
+  std::uint32_t triangle_count;  // three words each
+  std::uint32_t reserved[13];
+};
+static_assert(sizeof(CornerToneHeader) == 64);
+inline constexpr std::uint32_t kCornerToneVersion = 1;
 
 static_assert(sizeof(glm::vec3) == 12 && sizeof(glm::uvec3) == 12 && sizeof(glm::i16vec2) == 4 &&
               sizeof(glm::u16vec2) == 4 && sizeof(glm::u8vec4) == 4 && sizeof(Affine) == 48);

@@ -217,6 +217,35 @@ absl::StatusOr<std::shared_ptr<Relief>> read_relief(std::span<const std::byte> b
   return relief;
 }
 
+/// The colours of coarse levels; none where there is no section.
+absl::StatusOr<CornerTones> read_corner_tones(std::span<const std::byte> bytes) {
+  CornerTones tones;
+  if (bytes.empty()) return tones;
+  layout::CornerToneHeader header{};
+  if (bytes.size() < sizeof(header)) {
+    return absl::InvalidArgumentError(absl::StrCat("corner tone: has ", bytes.size(),
+                                                   " bytes, must have at least ", sizeof(header)));
+  }
+  std::memcpy(&header, bytes.data(), sizeof(header));
+  if (header.version != layout::kCornerToneVersion) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("corner tone: version is ", header.version, ", this program reads ",
+                     layout::kCornerToneVersion, "; bake the character again"));
+  }
+  const std::uint64_t bands = header.band_count, triangles = header.triangle_count;
+  const std::uint64_t size = sizeof(header) + bands * sizeof(ToneBand) + 12 * triangles;
+  if (size != bytes.size()) {
+    return absl::InvalidArgumentError(absl::StrCat("corner tone: has ", bytes.size(), " bytes, ",
+                                                   bands, " bands and ", triangles,
+                                                   " triangles, which need ", size));
+  }
+  const std::byte* next = bytes.data() + sizeof(header);
+  tones.band = {reinterpret_cast<const ToneBand*>(next), bands};
+  next += bands * sizeof(ToneBand);
+  tones.tone = {reinterpret_cast<const std::uint32_t*>(next), 3 * triangles};
+  return tones;
+}
+
 absl::StatusOr<Character> read_sections(std::span<const std::byte> file) {
   SectionReader sections(file);
   if (auto status = sections.check(); !status.ok()) return status;
@@ -278,6 +307,9 @@ absl::StatusOr<Character> read_sections(std::span<const std::byte> file) {
   auto relief = read_relief(sections.bytes(Section::kImpostor));
   if (!relief.ok()) return relief.status();
   character.relief = *std::move(relief);
+  auto tones = read_corner_tones(sections.bytes(Section::kCornerTone));
+  if (!tones.ok()) return tones.status();
+  character.corner_tones = *tones;
   if (auto status = validate(character); !status.ok()) return status;
   return character;
 }

@@ -58,6 +58,8 @@ const char* name_of(Section section) {
       return "point radius";
     case Section::kPointTone:
       return "point tone";
+    case Section::kCornerTone:
+      return "corner tone";
   }
   return "unknown";
 }
@@ -336,6 +338,29 @@ absl::Status check_points(const Character& character) {
   return absl::OkStatus();
 }
 
+/// After check_collapse: triangle counts are known to be right.
+absl::Status check_corner_tones(const Character& character) {
+  const CornerTones& tones = character.corner_tones;
+  if (tones.band.size() > CornerTones::kMostBands) {
+    return bad("corner tone has ", tones.band.size(), " bands, limit ", CornerTones::kMostBands);
+  }
+  std::uint64_t triangles = 0;
+  std::uint32_t limit = character.vertex_count();
+  for (std::size_t b = 0; b < tones.band.size(); ++b) {
+    const ToneBand& band = tones.band[b];
+    if (band.vertex_count < 1 || band.vertex_count > limit) {
+      return bad("corner tone band ", b, " is for ", band.vertex_count, " vertices, must be 1 to ",
+                 limit);
+    }
+    if (band.first != triangles) {
+      return bad("corner tone band ", b, " begins at ", band.first, ", must at ", triangles);
+    }
+    triangles += character.triangle_count_at[band.vertex_count];
+    limit = band.vertex_count - 1;
+  }
+  return check_size("corner tone", tones.tone.size(), 3 * triangles);
+}
+
 Character view_of(const std::shared_ptr<const CharacterData>& data) {
   Character character;
   character.name = data->name;
@@ -361,6 +386,7 @@ Character view_of(const std::shared_ptr<const CharacterData>& data) {
   character.tint_mask = {data->tint_mask_width_px, data->tint_mask_height_px,
                          data->tint_mask_levels, data->tint_mask};
   character.points = {data->point, data->point_radius_m, data->point_tone};
+  character.corner_tones = {data->tone_band, data->corner_tone};
   character.storage = data;
   return character;
 }
@@ -377,6 +403,7 @@ absl::Status validate(const Character& character) {
   if (auto status = check_image("tint mask", character.tint_mask, false); !status.ok())
     return status;
   if (auto status = check_points(character); !status.ok()) return status;
+  if (auto status = check_corner_tones(character); !status.ok()) return status;
   if (character.relief == nullptr) return absl::OkStatus();
   return validate_relief(*character.relief, character.joints.size(),
                          character.palette.size() / character.joints.size());

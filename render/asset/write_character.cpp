@@ -178,6 +178,21 @@ absl::Status write_character(const Character& character, const std::string& path
     columns.push_back(column(Section::kPointRadius, character.points.radius_m));
     columns.push_back(column(Section::kPointTone, character.points.tone));
   }
+  std::vector<char> corner_tone;
+  if (const CornerTones& tones = character.corner_tones; !tones.band.empty()) {
+    const layout::CornerToneHeader tone_header{layout::kCornerToneVersion,
+                                               static_cast<std::uint32_t>(tones.band.size()),
+                                               static_cast<std::uint32_t>(tones.tone.size() / 3),
+                                               {}};
+    const auto append = [&corner_tone](const void* bytes, std::size_t size_bytes) {
+      const char* first = static_cast<const char*>(bytes);
+      corner_tone.insert(corner_tone.end(), first, first + size_bytes);
+    };
+    append(&tone_header, sizeof(tone_header));
+    append(tones.band.data(), tones.band.size_bytes());
+    append(tones.tone.data(), tones.tone.size_bytes());
+    columns.push_back(column<char>(Section::kCornerTone, corner_tone));
+  }
 
   std::vector<layout::SectionEntry> table;
   std::uint64_t at = sizeof(layout::FileHeader) + columns.size() * sizeof(layout::SectionEntry);

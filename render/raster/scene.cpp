@@ -68,9 +68,10 @@ void shade_instances(const FrameGeometry& geometry, const Cast& cast, const Scen
   pool.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const VisibleInstance& instance = geometry.instances[i];
-      shades[i] =
-          element::instance_shade(instance, cast.members[instance.character].character.height_m,
-                                  scene, channel, first_surrounding);
+      const Character& character = cast.members[instance.character].character;
+      shades[i] = element::instance_shade(instance, character.height_m,
+                                          character.corner_tones.most_vertices(), scene, channel,
+                                          first_surrounding);
     }
   });
   for (std::size_t i = 0; i < count && scene.shadows; ++i) {

@@ -11,6 +11,7 @@
 #include "simplify/bake/clips.hpp"
 #include "simplify/bake/joints.hpp"
 #include "simplify/points/points.hpp"
+#include "simplify/tones/tones.hpp"
 
 namespace throng::simplify {
 namespace {
@@ -61,6 +62,22 @@ void fill_mesh(const Surface& surface, const CollapseOrder& order, render::Chara
   data.legal_count = order.legal_count;
   data.collapse_error_m = order.error_m;
   data.coarsest_count = order.coarsest_count;
+}
+
+/// Where the vertices are in the first few poses that a viewer may see: the bind pose is none.
+std::vector<std::vector<glm::vec3>> posed_vertices(const Surface& surface,
+                                                   const CollapseOrder& order,
+                                                   const PoseSet& poses) {
+  constexpr std::uint32_t kMostPoses = 6;  // farthest-point sampling has the most different first
+  const std::uint32_t first = poses.count > 1 ? 1 : 0;
+  std::vector<std::vector<glm::vec3>> posed;
+  for (std::uint32_t p = first; p < std::min(poses.count, first + kMostPoses); ++p) {
+    std::vector<glm::vec3>& position = posed.emplace_back();
+    for (const std::uint32_t wedge : order.wedge) {
+      position.push_back(poses.position[p * surface.points.size() + surface.wedge_point[wedge]]);
+    }
+  }
+  return posed;
 }
 
 }  // namespace
@@ -133,6 +150,8 @@ absl::StatusOr<BakeResult> bake(const SourceCharacter& original, const BakeOptio
   data.tint_mask_levels = surface->tint_mask.level_count;
   data.tint_mask = std::move(surface->tint_mask.texels);
   sample_points(data);
+  // the published rule knows textures only
+  if (!is_peng) make_corner_tones(data, posed_vertices(*surface, *order, poses));
   result.point_count = surface->point_count();
   result.pose_count = poses.count;
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();

@@ -12,6 +12,7 @@ std::uint32_t level_vertices(const render::Character& character, float share) {
 
 LevelMesh level_mesh(const render::Character& character, std::uint32_t count) {
   LevelMesh mesh;
+  mesh.count = count;
   std::vector<bool> is_used(character.vertex_count());
   for (std::uint32_t t = 0; t < character.triangle_count_at[count]; ++t) {
     glm::uvec3 corner = character.triangle[t];

@@ -30,6 +30,7 @@ struct LevelMesh {
   std::vector<glm::uvec3> triangles;         // [t]
   std::vector<std::uint8_t> triangle_flags;  // [t]
   std::uint32_t vertices = 0;                // different ones in use
+  std::uint32_t count = 0;  // vertex count of the character's level; 0: a mesh of another kind
 };
 
 /// The level with `count` vertices, a legal count: triangles [0, triangle_count_at[count]) with

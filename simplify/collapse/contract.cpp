@@ -20,6 +20,9 @@ constexpr std::size_t kSmallPiece = 16;
 constexpr int kMostTries = 24;  // pictures looked at for one step
 // Limbs count beyond their pixels where so few vertices are left that they would go.
 constexpr float kThinFrom = 192.0F, kThinTo = 64.0F;
+// Levels of so many vertices, or of a share of all, will have colours of their own, whatever their
+// texture coordinates.
+constexpr std::uint32_t kToned = 256, kTonedShare = 4;
 // Where the colours of a triangle are compared.
 constexpr glm::vec3 kColorPlaces[] = {
     {0.34F, 0.33F, 0.33F}, {0.6F, 0.2F, 0.2F},   {0.2F, 0.6F, 0.2F},  {0.2F, 0.2F, 0.6F},
@@ -76,6 +79,10 @@ class Contraction {
   }
 
  private:
+  bool is_toned() const {
+    return mesh_.alive_wedges() <= std::min(kToned, mesh_.surface().wedge_count() / kTonedShare);
+  }
+
   /// Lists what is alive.
   void look() {
     drawn_.clear();
@@ -95,7 +102,8 @@ class Contraction {
     }
     is_removed_.assign(triangle_.size(), false);
     const auto alive = static_cast<float>(mesh_.alive_wedges());
-    views_.set(drawn_, std::clamp((kThinFrom - alive) / (kThinFrom - kThinTo), 0.0F, 1.0F));
+    views_.set(drawn_, std::clamp((kThinFrom - alive) / (kThinFrom - kThinTo), 0.0F, 1.0F),
+               is_toned());
     find_pieces();
   }
 
@@ -267,7 +275,7 @@ class Contraction {
                      poses_.extent_cost(pair.a, pair.b, true) +
                      poses_.area_m2(pair.a) * attributes_.joint_cost(pair.a, pair.b);
     for (const std::uint32_t triangle : around) {
-      if (mesh_.has(triangle, pair.b)) continue;
+      if (is_toned() || mesh_.has(triangle, pair.b)) continue;
       const glm::uvec3& points = mesh_.points(triangle);
       const std::uint32_t wedge = mesh_.wedges(triangle)[points.x == pair.a   ? 0
                                                          : points.y == pair.a ? 1
@@ -287,7 +295,7 @@ class Contraction {
     find_moves(pair.a, pair.b, around, false);
     pair.by_color = false;
     const float in_charts = try_moves(pair, limit);
-    if (!find_moves(pair.a, pair.b, around, true)) return in_charts;
+    if (is_toned() || !find_moves(pair.a, pair.b, around, true)) return in_charts;
     const float by_color = try_moves(pair, std::min(limit, in_charts));
     pair.by_color = by_color < in_charts;
     return std::min(by_color, in_charts);
@@ -347,6 +355,10 @@ class Contraction {
   }
 
   bool step() {
+    if (is_toned() && !was_toned_) {  // costs are others from now on
+      was_toned_ = true;
+      for (const std::uint32_t point : alive_) is_dirty_[point] = true;
+    }
     for (Pair& pair : pairs_) {
       if (is_dirty_[pair.a] || is_dirty_[pair.b]) judge(pair);
     }
@@ -438,6 +450,7 @@ class Contraction {
   std::vector<Patch> patch_;                        // [P]
   std::vector<Pair> pairs_;
   std::vector<bool> is_dirty_;  // [P]
+  bool was_toned_ = false;
   std::vector<std::pair<float, std::size_t>> order_;
   std::vector<WedgeMove> moves_;
   std::vector<Views::Drawn> saved_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "simplify/collapse/pixels.hpp"
 #include "throng/render/asset.hpp"
 
 namespace throng::simplify {
@@ -19,6 +20,7 @@ constexpr float kCoverage = 0.4F;
 constexpr float kThin = 2.0F;
 constexpr int kThinRadius_px = 5;
 constexpr std::uint32_t kBackground = 0x00808080U;
+constexpr std::uint32_t kSeen = 0xFF000000U;  // what is not background, whatever its colour
 
 std::uint32_t pack(const glm::vec3& color) {
   const glm::uvec3 c(glm::clamp(color, 0.0F, 1.0F) * 255.0F + 0.5F);
@@ -62,32 +64,6 @@ std::vector<float> thinness(const std::vector<std::uint32_t>& image) {
     }
   }
   return weight;
-}
-
-/// Calls `visit(x, y, w0, w1)` for the pixels whose centres are in the triangle.
-template <typename Visit>
-void for_pixels(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c, int x0, int y0, int x1,
-                int y1, Visit visit) {
-  x0 = std::max(x0, static_cast<int>(std::ceil(std::min({a.x, b.x, c.x}) - 0.5F)));
-  y0 = std::max(y0, static_cast<int>(std::ceil(std::min({a.y, b.y, c.y}) - 0.5F)));
-  x1 = std::min(x1, static_cast<int>(std::floor(std::max({a.x, b.x, c.x}) - 0.5F)) + 1);
-  y1 = std::min(y1, static_cast<int>(std::floor(std::max({a.y, b.y, c.y}) - 0.5F)) + 1);
-  if (x0 >= x1 || y0 >= y1) return;
-  const float inverse = 1.0F / ((b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x));
-  const float step0 = (b.y - c.y) * inverse, step1 = (c.y - a.y) * inverse;
-  for (int y = y0; y < y1; ++y) {
-    const float px = static_cast<float>(x0) + 0.5F, py = static_cast<float>(y) + 0.5F;
-    float w0 = ((b.x - px) * (c.y - py) - (b.y - py) * (c.x - px)) * inverse;
-    float w1 = ((c.x - px) * (a.y - py) - (c.y - py) * (a.x - px)) * inverse;
-    for (int x = x0; x < x1; ++x, w0 += step0, w1 += step1) {
-      if (w0 >= 0.0F && w1 >= 0.0F && w0 + w1 <= 1.0F) visit(x, y, w0, w1);
-    }
-  }
-}
-
-/// Twice the area in px, negative for a triangle that is turned to the viewer (rows count down).
-float doubled_area(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
-  return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
 }
 
 }  // namespace
@@ -211,6 +187,70 @@ void Views::draw(const Picture& picture, std::span<const Drawn> triangles,
   }
 }
 
+namespace {
+
+/// Adds a colour r g b a in bytes, if it is of the figure.
+void add_seen(std::uint32_t reference, glm::vec4& sum) {
+  if (reference >> 24U == 0U) return;
+  sum += glm::vec4(static_cast<float>(reference & 255U), static_cast<float>(reference >> 8U & 255U),
+                   static_cast<float>(reference >> 16U & 255U), 1.0F);
+}
+
+template <typename Rect, typename Visit>
+void for_rect(const Rect& rect, Visit visit) {
+  for (int y = rect.y0; y < rect.y1; ++y) {
+    for (int x = rect.x0; x < rect.x1; ++x) visit(static_cast<std::size_t>(y) * kSize_px + x);
+  }
+}
+
+}  // namespace
+
+void Views::draw_numbers(const Picture& picture, std::span<const Drawn> triangles,
+                         const std::vector<bool>* removed, const Rect& rect,
+                         std::vector<std::uint32_t>& image, std::span<const Rect> boxes) const {
+  for (int y = rect.y0; y < rect.y1; ++y) {
+    std::fill_n(near_.begin() + y * kSize_px + rect.x0, rect.x1 - rect.x0, -1.0e30F);
+    std::fill_n(image.begin() + y * kSize_px + rect.x0, rect.x1 - rect.x0, kBackground);
+  }
+  for (std::size_t t = 0; t < triangles.size(); ++t) {
+    if (removed != nullptr && (*removed)[t]) continue;
+    if (!boxes.empty()) {
+      const Rect& each = boxes[t];
+      if (each.x0 >= rect.x1 || each.x1 <= rect.x0 || each.y0 >= rect.y1 || each.y1 <= rect.y0)
+        continue;
+    }
+    const glm::uvec3& point = triangles[t].point;
+    const glm::vec3 &a = picture.place[point.x], &b = picture.place[point.y],
+                    &c = picture.place[point.z];
+    const float area = doubled_area(a, b, c);
+    if (area == 0.0F) continue;
+    if (area > 0.0F && (triangles[t].flags & render::kTriangleDoubleSided) == 0) continue;
+    for_pixels(a, b, c, rect.x0, rect.y0, rect.x1, rect.y1, [&](int x, int y, float w0, float w1) {
+      const float nearness = w0 * a.z + w1 * b.z + (1.0F - w0 - w1) * c.z;
+      const std::size_t pixel = static_cast<std::size_t>(y) * kSize_px + x;
+      if (nearness <= near_[pixel]) return;
+      near_[pixel] = nearness;
+      image[pixel] = static_cast<std::uint32_t>(t) | kSeen;
+    });
+  }
+}
+
+template <typename Visit>
+void Views::for_toned(const Picture& picture, const Rect& rect,
+                      const std::vector<std::uint32_t>& image, std::span<const glm::vec4> tones,
+                      Visit visit) const {
+  for_rect(rect, [&](std::size_t pixel) {
+    std::uint32_t color = image[pixel];
+    if (color != kBackground) {
+      const glm::vec4& tone = tones[color & ~kSeen];
+      // wholly beyond the figure's outline there is no colour to miss
+      color = tone.w > 0.0F ? pack(glm::vec3(tone) / (255.0F * tone.w))
+                            : picture.reference[pixel] | kSeen;
+    }
+    visit(pixel, color);
+  });
+}
+
 std::vector<float> Views::visibility(const WedgeMesh& mesh) const {
   constexpr int kWide_px = kSize_px * kVisibilityScale;
   const auto triangles = static_cast<std::uint32_t>(surface_.triangles.size());
@@ -254,10 +294,24 @@ std::vector<float> Views::visibility(const WedgeMesh& mesh) const {
   return share;
 }
 
-void Views::set(std::span<const Drawn> triangles, float thin_share) {
+void Views::set(std::span<const Drawn> triangles, float thin_share, bool toned) {
   drawn_.assign(triangles.begin(), triangles.end());
+  toned_ = toned;
+  constexpr Rect kAll{0, 0, kSize_px, kSize_px};
   for (Picture& picture : pictures_) {
-    draw(picture, drawn_, nullptr, {0, 0, kSize_px, kSize_px}, picture.now, {});
+    if (toned) {
+      image_.resize(near_.size());
+      draw_numbers(picture, drawn_, nullptr, kAll, image_, {});
+      picture.tones.assign(drawn_.size(), glm::vec4(0.0F));
+      for (std::size_t i = 0; i < image_.size(); ++i) {
+        if (image_[i] != kBackground)
+          add_seen(picture.reference[i], picture.tones[image_[i] & ~kSeen]);
+      }
+      for_toned(picture, kAll, image_, picture.tones,
+                [&](std::size_t pixel, std::uint32_t color) { picture.now[pixel] = color; });
+    } else {
+      draw(picture, drawn_, nullptr, kAll, picture.now, {});
+    }
     picture.boxes.clear();
     for (const Drawn& each : drawn_) picture.boxes.push_back(box(picture, each.point));
     for (std::size_t i = 0; i < picture.now.size(); ++i) {
@@ -282,16 +336,27 @@ float Views::change(std::span<const Drawn> triangles, std::span<const std::uint3
       }
     }
     if (rect.x0 >= rect.x1 || rect.y0 >= rect.y1) continue;
-    // what changes lies inside, wherever its box was
-    draw(picture, triangles, &removed, rect, image_, picture.boxes);
     float error = 0.0F;
-    for (int y = rect.y0; y < rect.y1; ++y) {
-      for (int x = rect.x0; x < rect.x1; ++x) {
-        const std::size_t pixel = static_cast<std::size_t>(y) * kSize_px + x;
-        if (image_[pixel] == picture.now[pixel]) continue;
-        error += picture.weight[pixel] * difference(image_[pixel], picture.reference[pixel]) -
-                 picture.error[pixel];
-      }
+    const auto compare = [&](std::size_t pixel, std::uint32_t color) {
+      if (color == picture.now[pixel]) return;
+      error += picture.weight[pixel] * difference(color, picture.reference[pixel]) -
+               picture.error[pixel];
+    };
+    // what changes lies inside, wherever its box was
+    if (toned_) {
+      draw_numbers(picture, triangles, &removed, rect, image_, picture.boxes);
+      tones_.assign(picture.tones.begin(), picture.tones.end());
+      for (const std::uint32_t t : changed) tones_[t] = glm::vec4(0.0F);
+      is_changed_.assign(drawn_.size(), false);
+      for (const std::uint32_t t : changed) is_changed_[t] = true;
+      for_rect(rect, [&](std::size_t pixel) {
+        if (image_[pixel] == kBackground || !is_changed_[image_[pixel] & ~kSeen]) return;
+        add_seen(picture.reference[pixel], tones_[image_[pixel] & ~kSeen]);
+      });
+      for_toned(picture, rect, image_, tones_, compare);
+    } else {
+      draw(picture, triangles, &removed, rect, image_, picture.boxes);
+      for_rect(rect, [&](std::size_t pixel) { compare(pixel, image_[pixel]); });
     }
     sum += error * scale;
     // other pictures may win something back, but hardly as much

@@ -32,7 +32,9 @@ class Views {
 
   /// Takes these triangles for what is drawn now.
   /// @param thin_share  0 to 1: how much the thin parts of the figure count beyond their pixels
-  void set(std::span<const Drawn> triangles, float thin_share);
+  /// @param toned  a triangle has one colour in each picture, the mean of what is seen where it is,
+  ///     as coarse levels have (render::CornerTones); else it shows the texture
+  void set(std::span<const Drawn> triangles, float thin_share, bool toned);
 
   /// By how much the mean error over the pictures would grow, in m^2 on the picture plane (an area
   /// that differs by all there is in colour), if `triangles`, which differ from the ones that were
@@ -54,6 +56,7 @@ class Views {
     std::vector<float> weight;                  // of each pixel
     std::vector<float> error;                   // of `now`
     std::vector<Rect> boxes;                    // [drawn_]
+    std::vector<glm::vec4> tones;               // [drawn_] sums of colours and pixels
   };
 
   Rect box(const Picture& picture, const glm::uvec3& point) const;
@@ -61,13 +64,25 @@ class Views {
             const std::vector<bool>* removed, const Rect& rect, std::vector<std::uint32_t>& image,
             std::span<const Rect> boxes) const;
 
+  /// Which triangle is seen: its number and kSeen.
+  void draw_numbers(const Picture& picture, std::span<const Drawn> triangles,
+                    const std::vector<bool>* removed, const Rect& rect,
+                    std::vector<std::uint32_t>& image, std::span<const Rect> boxes) const;
+  /// Calls `visit(pixel, color)` for the pixels of `rect`: numbers become their triangles' colours.
+  template <typename Visit>
+  void for_toned(const Picture& picture, const Rect& rect, const std::vector<std::uint32_t>& image,
+                 std::span<const glm::vec4> tones, Visit visit) const;
+
   const Surface& surface_;
   float pixel_m_ = 1.0F;
+  bool toned_ = false;
   std::vector<TextureLevel> levels_;
   std::vector<Picture> pictures_;
   std::vector<Drawn> drawn_;                  // as set
   mutable std::vector<float> near_;           // depth buffer
   mutable std::vector<std::uint32_t> image_;  // of a change
+  mutable std::vector<glm::vec4> tones_;      // [drawn_] of a change
+  mutable std::vector<bool> is_changed_;      // [drawn_]
 };
 
 }  // namespace throng::simplify

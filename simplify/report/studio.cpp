@@ -147,7 +147,8 @@ absl::Status Studio::draw_lit(const LevelMesh& mesh, std::span<const Figure> fig
     instance.scale = scale;
     instance.channel = std::numeric_limits<float>::quiet_NaN();
     instance.radius_m = scale * character_.bounds.w;
-    instance.vertex_count = static_cast<std::uint32_t>(used.size());
+    // a mesh that is no level of the character has texture, however few vertices it has
+    instance.vertex_count = mesh.count > 0 ? mesh.count : character_.vertex_count() + 1;
     instance.triangle_count = static_cast<std::uint32_t>(mesh.triangles.size());
     instances_.push_back(instance);
     vertex_offset_.push_back(static_cast<std::uint32_t>(vertices_.size()));

@@ -14,6 +14,7 @@
 
 #include "fuzz/fuzz.hpp"
 #include "render/asset/layout.hpp"
+#include "render/raster/element/tone.hpp"
 #include "support/tiny_character.hpp"
 
 namespace layout = throng::render::layout;
@@ -47,6 +48,13 @@ void use(const throng::render::Character& character) {
                 .x;
       }
     }
+  }
+  const throng::render::CornerTones& tones = character.corner_tones;
+  for (std::uint32_t n = character.coarsest_count; n <= tones.most_vertices(); ++n) {
+    const std::uint32_t first = throng::render::element::first_tone(
+        tones.band.data(), static_cast<std::uint32_t>(tones.band.size()), n);
+    for (std::uint32_t k = 0; k < 3 * character.triangle_count_at[n]; ++k)
+      sum += tones.tone[first + k];
   }
   for (const std::uint8_t texel : character.base_color.texels) sum += texel;
   for (const std::uint8_t texel : character.tint_mask.texels) sum += texel;

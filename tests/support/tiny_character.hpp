@@ -26,7 +26,8 @@ struct TinyOptions {
 /// 38 vertices (4 rings of 8 points, the seam column twice, 2 cap centres), 64 triangles; coarsest
 /// level 12 vertices (a four-sided prism). The collapse order is made by hand and real: rings
 /// first, then every odd column; both copies of a seam point go together, so some counts are not
-/// legal. Clips: "idle" (8 frames) and "walk" (16 frames, stride 1.4 m), both at 16 Hz.
+/// legal. Levels of at most 20 vertices have tones. Clips: "idle" (8 frames) and "walk" (16 frames,
+/// stride 1.4 m), both at 16 Hz.
 inline render::CharacterData make_tiny_character(const TinyOptions& options = {}) {
   constexpr std::uint32_t kColumns = 8;
   constexpr std::uint32_t kRings = 4;
@@ -146,6 +147,18 @@ inline render::CharacterData make_tiny_character(const TinyOptions& options = {}
     std::uint32_t count = 0;
     while (n >= data.coarsest_count && count < alive.size() && alive[count].first <= n) ++count;
     data.triangle_count_at.push_back(count);
+  }
+
+  // coarse levels show tones: the colour, by corner a little darker and less dyed
+  std::uint32_t toned = 0;
+  for (const std::uint32_t n : {20U, 14U}) {
+    data.tone_band.push_back({n, toned});
+    toned += data.triangle_count_at[n];
+  }
+  for (std::uint32_t i = 0; i < 3 * toned; ++i) {
+    const float share = static_cast<float>(4 + i % 5) / 8.0F;
+    data.corner_tone.push_back(render::pack_corner_tone(glm::vec3(options.color) / 255.0F * share,
+                                                        {0.0F, 0.0F, share, 1.0F - share}));
   }
 
   // two joints; the upper one bends forward and back

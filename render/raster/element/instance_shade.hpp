@@ -24,9 +24,11 @@ THRONG_HOST_DEVICE inline glm::vec3 channel_color(float value, const ChannelRang
 
 /// What shading needs of a visible instance; who casts a projected shadow is chosen later.
 /// @param height_m  of the character, unscaled.
+/// @param toned_count  CornerTones::most_vertices() of the character.
 /// @param first_surrounding  first member of the cast that is no character: all have its texture.
 THRONG_HOST_DEVICE inline InstanceShade instance_shade(const VisibleInstance& instance,
-                                                       float height_m, const SceneFrame& scene,
+                                                       float height_m, std::uint32_t toned_count,
+                                                       const SceneFrame& scene,
                                                        const ChannelRange& range,
                                                        std::uint32_t first_surrounding) {
   InstanceShade shade;
@@ -38,6 +40,7 @@ THRONG_HOST_DEVICE inline InstanceShade instance_shade(const VisibleInstance& in
   shade.tint[2] = pack_tint(tints.top);
   shade.tint[3] = pack_tint(tints.bottom);
   shade.character = instance.character;
+  if (toned_count > 0 && instance.vertex_count <= toned_count) shade.character |= kToned;
   shade.channel = range.colors ? pack_color(channel_color(instance.channel, range)) : kNoChannel;
   shade.cast_shadow = 0.0F;
   const glm::vec3& p = instance.position_relative;

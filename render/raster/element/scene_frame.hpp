@@ -26,15 +26,16 @@ struct SceneFrame {
 struct InstanceShade {
   glm::vec3 feet_relative;
   float height_m;
-  std::uint32_t tint[4];  // skin, hair, top, bottom: element::pack_tint
-  std::uint32_t character;
-  std::uint32_t channel;  // element::pack_color, or kNoChannel
+  std::uint32_t tint[4];    // skin, hair, top, bottom: element::pack_tint
+  std::uint32_t character;  // its textures; with kToned, it shows tones instead
+  std::uint32_t channel;    // element::pack_color, or kNoChannel
   float cast_shadow;  // share of the shadow drawn as the figure's projection, the rest is a blob;
                       // kNoBlob: all of it, and nothing where it touches the ground
   float size_px;      // the figure's height on the picture
 };
 inline constexpr std::uint32_t kNoChannel = 0xffffffffU;
 inline constexpr float kNoBlob = 2.0F;
+inline constexpr std::uint32_t kToned = 0x80000000U;
 static_assert(sizeof(InstanceShade) == 48);
 
 }  // namespace throng::render

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "render/compute/cpu/work_pool.hpp"
+#include "render/raster/element/tone.hpp"
 #include "render/raster/gl/cast_textures.hpp"
 #include "render/raster/gl/cuda_interop.hpp"
 #include "render/raster/gl/egl_context.hpp"
@@ -80,6 +81,8 @@ class GlRasterizer final : public Rasterizer {
     vertices_.release();
     indices_.release();
     instances_.release();
+    tones_.release();
+    tone_shifts_.release();
     reliefs_.release();
     splats_.release();
     const GLuint textures[] = {base_color_, tint_mask_};
@@ -199,6 +202,7 @@ class GlRasterizer final : public Rasterizer {
         options.cutout |= (flags & kTriangleAlphaCutout) != 0;
       }
       options.tint_mask |= member.character.tint_mask.level_count > 0;
+      options.tones |= !member.character.corner_tones.band.empty();
       base.push_back(&member.character.base_color);
       masks.push_back(&member.character.tint_mask);
     }
@@ -215,6 +219,7 @@ class GlRasterizer final : public Rasterizer {
     }
     if (auto status = compile_agents(options); !status.ok()) return status;
     if (auto status = reliefs_.upload(*cast); !status.ok()) return status;
+    if (auto status = upload_tones(*cast); !status.ok()) return status;
     cast_ = std::move(cast);
     return gl_failed("upload");
   }
@@ -322,6 +327,39 @@ class GlRasterizer final : public Rasterizer {
     glTextureParameteri(texture, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
   }
 
+  absl::Status upload_tones(const Cast& cast) {
+    std::vector<std::uint32_t> tones;
+    first_tone_.clear();
+    for (const CastMember& member : cast.members) {
+      first_tone_.push_back(static_cast<std::uint32_t>(tones.size()));
+      const std::span<const std::uint32_t> own = member.character.corner_tones.tone;
+      tones.insert(tones.end(), own.begin(), own.end());
+    }
+    if (auto status = tones_.reserve(4 * tones.size()); !status.ok()) return status;
+    if (!tones.empty()) std::memcpy(tones_.data(), tones.data(), 4 * tones.size());
+    return absl::OkStatus();
+  }
+
+  /// Where each toned instance's tones are, as kTones wants it.
+  absl::Status stage_tones(const FrameGeometry& geometry) {
+    if (!options_.tones) return absl::OkStatus();
+    const std::size_t count = geometry.instances.size();
+    if (auto status = tone_shifts_.reserve(4 * count); !status.ok()) return status;
+    std::vector<std::uint32_t>& shifts = shift_scratch_;
+    shifts.assign(count, 0);
+    for (std::size_t i = 0; i < count; ++i) {
+      if ((shades_[i].character & kToned) == 0) continue;
+      const VisibleInstance& instance = geometry.instances[i];
+      const std::span<const ToneBand> bands =
+          cast_->members[instance.character].character.corner_tones.band;
+      shifts[i] = first_tone_[instance.character] - 3 * geometry.triangle_offset[i] +
+                  element::first_tone(bands.data(), static_cast<std::uint32_t>(bands.size()),
+                                      instance.vertex_count);
+    }
+    if (count > 0) std::memcpy(tone_shifts_.data(), shifts.data(), 4 * count);
+    return absl::OkStatus();
+  }
+
   absl::Status check(const FrameGeometry& geometry) const {
     const std::size_t count = geometry.instances.size();
     const auto wrong = [](const char* what, std::size_t value, std::size_t expected) {
@@ -405,6 +443,8 @@ class GlRasterizer final : public Rasterizer {
       std::memcpy(instances_.data(), shades_.data(), shades_.size() * sizeof(InstanceShade));
     }
 
+    if (auto status = stage_tones(geometry); !status.ok()) return status;
+
     // Runs of neighbours in the batched buffer are one range of indices.
     caster_counts_.clear();
     caster_starts_.clear();
@@ -423,6 +463,16 @@ class GlRasterizer final : public Rasterizer {
       run_end = end;
     }
     return absl::OkStatus();
+  }
+
+  void bind_tones(const FrameGeometry& geometry) {
+    const bool sees_all = std::max(geometry.vertices.size_bytes(), geometry.indices.size_bytes()) <=
+                          static_cast<std::size_t>(max_storage_bytes_);
+    glUniform1i(0, sees_all ? 1 : 0);
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 7, sees_all ? drawn_vertices_ : 0);
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 8, sees_all ? drawn_indices_ : 0);
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 9, tones_.name());
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 10, tone_shifts_.name());
   }
 
   void set_uniforms(const Tile& tile, const Camera& camera, const Viewport& viewport,
@@ -553,6 +603,7 @@ class GlRasterizer final : public Rasterizer {
       glBindTextureUnit(0, base_color_);
       glBindTextureUnit(1, tint_mask_);
       glBindVertexArray(mesh_array_);
+      if (options_.tones) bind_tones(geometry);
       if (on_device_) {  // how many there are is known there
         glBindBuffer(GL_DRAW_INDIRECT_BUFFER, interop_->command());
         glDrawElementsIndirect(GL_TRIANGLES, GL_UNSIGNED_INT, nullptr);
@@ -612,7 +663,9 @@ class GlRasterizer final : public Rasterizer {
   GLsizei samples_ = 4;
   GLuint agents_ = 0, blobs_ = 0, cast_shadows_ = 0, background_ = 0;
   GLuint mesh_array_ = 0, empty_array_ = 0, uniforms_ = 0, base_color_ = 0, tint_mask_ = 0;
-  MappedBuffer vertices_, indices_, instances_;
+  MappedBuffer vertices_, indices_, instances_, tones_, tone_shifts_;
+  std::vector<std::uint32_t> first_tone_;  // of tones_, by member of the cast
+  std::vector<std::uint32_t> shift_scratch_;
   ReliefPass reliefs_;
   SplatPass splats_;
   std::unique_ptr<CudaInterop> interop_;  // null: vertices come from the host

@@ -44,7 +44,7 @@ constexpr char kInstances[] = R"(
 struct Instance {
   vec4 feet;      // relative; w: height in metres
   uvec4 tints;    // skin, hair, top, bottom: element::pack_tint
-  uint layer;     // of the textures
+  uint layer;     // of the textures; highest bit: shows tones instead
   uint channel;   // colour of the channel, 0xffffffff: none
   float cast_shadow;  // share of the shadow that is drawn as a projected figure; 2: no blob at all
   float size_px;
@@ -115,6 +115,47 @@ vec3 channel_color(uint channel, vec3 base) {
 }
 )";
 
+// Colours of coarse levels, by triangle: mirrors CornerTones and BatchVertex.
+constexpr char kTones[] = R"(
+layout(std430, binding = 7) readonly buffer Vertices { float vertex_words[]; };  // six each
+layout(std430, binding = 8) readonly buffer Indices { uint indices[]; };
+layout(std430, binding = 9) readonly buffer Tones { uint tones[]; };
+// by instance: what to add to three times a triangle's number
+layout(std430, binding = 10) readonly buffer ToneShifts { uint tone_shift[]; };
+layout(location = 0) uniform int has_vertices;  // 0: more than a shader can see
+
+vec3 corner_position(uint k) {
+  uint at = 6u * indices[3u * uint(gl_PrimitiveID) + k];
+  return vec3(vertex_words[at], vertex_words[at + 1u], vertex_words[at + 2u]);
+}
+
+// Shares of the corners at a place of this triangle.
+vec3 corner_shares(vec3 place) {
+  if (has_vertices == 0) return vec3(1.0 / 3.0);
+  vec3 p0 = corner_position(0u);
+  vec3 e1 = corner_position(1u) - p0, e2 = corner_position(2u) - p0, d = place - p0;
+  float a = dot(e1, e1), b = dot(e1, e2), c = dot(e2, e2), u = dot(d, e1), v = dot(d, e2);
+  float area = a * c - b * b;
+  float inverse = abs(area) > 1e-30 ? 1.0 / area : 0.0;
+  vec2 share = clamp(vec2(c * u - b * v, a * v - b * u) * inverse, 0.0, 1.0);
+  share /= max(share.x + share.y, 1.0);
+  return vec3(1.0 - share.x - share.y, share);
+}
+
+void read_tone(uint instance, vec3 place, out vec3 linear, out vec4 mask) {
+  vec3 share = corner_shares(place);
+  uint at = tone_shift[instance] + 3u * uint(gl_PrimitiveID);
+  linear = vec3(0.0);
+  mask = vec4(0.0);
+  for (uint k = 0u; k < 3u; ++k) {
+    uint word = tones[at + k];
+    vec3 root = vec3(uvec3(word, word >> 7, word >> 14) & uvec3(127u, 127u, 63u)) / vec3(127.0, 127.0, 63.0);
+    linear += share[k] * (root * root);
+    mask += share[k] * (vec4(uvec4(word >> 20, word >> 23, word >> 26, word >> 29) & 7u) * (1.0 / 7.0));
+  }
+}
+)";
+
 constexpr char kAgentFragment[] = R"(
 in vec3 v_position;
 in vec3 v_normal;
@@ -124,18 +165,33 @@ layout(binding = 0) uniform sampler2DArray base_color;
 layout(binding = 1) uniform sampler2DArray tint_mask;
 layout(location = 0) out vec4 color;
 void main() {
-  float layer = float(instances[v_visible].layer);
-  vec4 base = texture(base_color, vec3(v_uv_ao.xy, layer));
-#ifdef CUTOUT
-  if (base.a < 0.5) discard;
+  uint textures = instances[v_visible].layer;
+  vec3 place = vec3(v_uv_ao.xy, float(textures & 0x7fffffffu));
+  vec4 base = vec4(0.0);
+  vec4 mask = vec4(0.0);
+  // all pixels of a triangle go the same way, so that a texture's derivatives are there
+#ifdef TONES
+  bool toned = (textures & 0x80000000u) != 0u;
+  if (toned) read_tone(v_visible, v_position, base.rgb, mask);
+#else
+  const bool toned = false;
 #endif
+  if (!toned) {
+    base = texture(base_color, place);
+#ifdef CUTOUT
+    if (base.a < 0.5) discard;
+#endif
+#ifdef TINT_MASK
+    mask = texture(tint_mask, place);
+#endif
+  }
   vec3 albedo = base.rgb;
   uint channel = instances[v_visible].channel;
   if (channel != 0xffffffffu) {
     albedo = channel_color(channel, base.rgb);
   } else {
 #ifdef TINT_MASK
-    albedo = tinted(albedo, texture(tint_mask, vec3(v_uv_ao.xy, layer)), instances[v_visible].tints);
+    albedo = tinted(albedo, mask, instances[v_visible].tints);
 #endif
   }
   vec3 n = normalize(v_normal);
@@ -555,6 +611,7 @@ std::string defines(const ShaderOptions& options) {
   if (options.cutout) text += "#define CUTOUT\n";
   if (options.two_sided) text += "#define TWO_SIDED\n";
   if (options.tint_mask) text += "#define TINT_MASK\n";
+  if (options.tones) text += "#define TONES\n";
   return text;
 }
 
@@ -564,7 +621,8 @@ std::string agent_vertex_shader(const ShaderOptions&) {
   return std::string(kCommon) + kInstances + kAgentVertex;
 }
 std::string agent_fragment_shader(const ShaderOptions& options) {
-  return std::string(kCommon) + defines(options) + kInstances + kLight + kAgentFragment;
+  return std::string(kCommon) + defines(options) + kInstances + kLight +
+         (options.tones ? kTones : "") + kAgentFragment;
 }
 std::string impostor_vertex_shader() {
   return std::string(kCommon) + kInstances + kImpostors + kImpostorVertex;

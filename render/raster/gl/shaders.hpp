@@ -9,6 +9,7 @@ struct ShaderOptions {
   bool cutout = false;     // some texel of the cast is a hole
   bool two_sided = false;  // back faces are seen
   bool tint_mask = false;  // some character has a tint mask
+  bool tones = false;      // some character has CornerTones
 };
 
 std::string agent_vertex_shader(const ShaderOptions& options);

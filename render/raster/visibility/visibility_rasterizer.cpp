@@ -13,6 +13,7 @@
 #include "render/compute/cpu/levels.hpp"
 #include "render/compute/cpu/work_pool.hpp"
 #include "render/compute/element/hash.hpp"
+#include "render/raster/element/tone.hpp"
 #include "render/raster/scene.hpp"
 #include "render/raster/visibility/cpu/relief.hpp"
 #include "render/raster/visibility/cpu/shade.hpp"
@@ -34,7 +35,8 @@ constexpr std::uint32_t kListTiles = 2;
 /// What a tile needs to know of a visible instance; they lie anywhere in memory, so one cache line.
 struct alignas(64) DrawnInstance {
   static constexpr std::uint32_t kShared = 1U << 31, kDoubleSided = 1U << 30, kClipped = 1U << 29,
-                                 kFlat = 1U << 28, kListed = 1U << 27, kRelief = 1U << 26;
+                                 kFlat = 1U << 28, kListed = 1U << 27, kRelief = 1U << 26,
+                                 kToned = 1U << 25;
   static constexpr std::uint32_t kCharacter = 0xffff;
 
   std::uint16_t x_low, y_low, x_high, y_high;  // samples, inclusive; x_low > x_high: nothing
@@ -106,6 +108,7 @@ class VisibilityRasterizer final : public Rasterizer {
 
  private:
   absl::Status check(const FrameGeometry& geometry, const Viewport& viewport) const;
+  absl::Status check_tones(const FrameGeometry& geometry, std::size_t i) const;
   void prepare(const FrameGeometry& geometry);
   Footprint list_instance(const FrameGeometry& geometry, std::size_t i, const Footprint& vertices,
                           unsigned worker);
@@ -124,6 +127,9 @@ class VisibilityRasterizer final : public Rasterizer {
   void prefetch(const FrameGeometry& geometry, const DrawnInstance& drawn) const;
   InstanceTriangles own_triangles(const FrameGeometry& geometry, const DrawnInstance& drawn,
                                   bool clipped) const;
+  std::uint32_t tone_shift(const FrameGeometry& geometry, std::size_t i) const;
+  /// Null: no holes.
+  const Cutout* cutout_of(const DrawnInstance& drawn) const;
   SharedTriangles shared_triangles(const FrameGeometry& geometry, const DrawnInstance& drawn) const;
   void draw_tile(const FrameGeometry& geometry, const SceneFrame& scene, const Viewport& viewport,
                  std::size_t tile, TileScratch& scratch, Picture& picture) const;
@@ -199,12 +205,15 @@ class VisibilityRasterizer final : public Rasterizer {
   Projected projected_;
   std::vector<TriangleList> lists_;  // one a worker
   LevelTable levels_;
-  std::vector<TriangleTone> tones_;         // by triangle of the levels
-  std::vector<std::uint32_t> uv_;           // of all characters' vertices
-  std::vector<std::uint32_t> first_uv_;     // by character
-  std::vector<DrawnInstance> drawn_;        // [V]
-  std::vector<SharedShade> shared_shades_;  // [V] of fused geometry
-  ReliefStore reliefs_;                     // of the cast
+  std::vector<TriangleTone> tones_;          // by triangle of the levels
+  std::vector<std::uint32_t> uv_;            // of all characters' vertices
+  std::vector<std::uint32_t> first_uv_;      // by character
+  std::vector<std::uint32_t> corner_tones_;  // of all characters' bands
+  std::vector<std::uint32_t> first_tone_;    // by character
+  std::vector<std::uint32_t> tone_shift_;    // [V] SharedMeshes::tone_shift
+  std::vector<DrawnInstance> drawn_;         // [V]
+  std::vector<SharedShade> shared_shades_;   // [V] of fused geometry
+  ReliefStore reliefs_;                      // of the cast
   ReliefView relief_view_{};
   ReliefSearch relief_search_;
   std::vector<PlacedBox> placed_;              // boxes of visible impostors
@@ -315,6 +324,13 @@ absl::Status VisibilityRasterizer::upload(std::shared_ptr<const Cast> cast) {
       uv_.push_back(std::uint32_t{uv.x} | std::uint32_t{uv.y} << 16);
     }
   }
+  corner_tones_.clear();
+  first_tone_.clear();
+  for (const CastMember& member : cast->members) {
+    first_tone_.push_back(static_cast<std::uint32_t>(corner_tones_.size()));
+    const std::span<const std::uint32_t> tone = member.character.corner_tones.tone;
+    corner_tones_.insert(corner_tones_.end(), tone.begin(), tone.end());
+  }
   cast_ = std::move(cast);
   return absl::OkStatus();
 }
@@ -385,6 +401,7 @@ absl::Status VisibilityRasterizer::check(const FrameGeometry& geometry,
                                                      cast_->members.size()));
     }
     const auto i = static_cast<std::size_t>(&instance - geometry.instances.data());
+    if (absl::Status status = check_tones(geometry, i); !status.ok()) return status;
     const std::size_t joints = cast_->members[instance.character].character.joint_count();
     if (is_relief(geometry, i) &&
         std::size_t{16} * (geometry.jointed[i].first_joint + joints) > geometry.joints.size()) {
@@ -396,10 +413,31 @@ absl::Status VisibilityRasterizer::check(const FrameGeometry& geometry,
   return absl::OkStatus();
 }
 
+absl::Status VisibilityRasterizer::check_tones(const FrameGeometry& geometry, std::size_t i) const {
+  const VisibleInstance& instance = geometry.instances[i];
+  const CornerTones& tones = cast_->members[instance.character].character.corner_tones;
+  if (instance.vertex_count > tones.most_vertices() || tones.band.empty()) {
+    return absl::OkStatus();
+  }
+  std::uint32_t triangles = geometry.triangle_offset[i + 1] - geometry.triangle_offset[i];
+  if (!geometry.shared.empty() && geometry.shared[i].level != SharedInstance::kOwn) {
+    triangles = levels_.levels[geometry.shared[i].level].triangle_count;
+  }
+  const std::uint64_t end =
+      element::first_tone(tones.band.data(), static_cast<std::uint32_t>(tones.band.size()),
+                          instance.vertex_count) +
+      std::uint64_t{3} * triangles;
+  if (end <= tones.tone.size()) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("visibility draw: instance ", i, " has ", triangles, " triangles with ",
+                   instance.vertex_count, " vertices, its tones end at ", tones.tone.size() / 3));
+}
+
 void VisibilityRasterizer::prepare(const FrameGeometry& geometry) {
   const std::size_t count = geometry.instances.size();
   projected_.resize(geometry.vertices.size());
   if (!geometry.shared.empty()) shared_shades_.resize(count);
+  tone_shift_.resize(count);
   lists_.resize(pool_.thread_count());
   for (TriangleList& list : lists_) {
     list.used = 0;
@@ -413,6 +451,10 @@ void VisibilityRasterizer::prepare(const FrameGeometry& geometry) {
       DrawnInstance& drawn = drawn_[i];
       drawn.flags = instance.character;
       if (double_sided_[instance.character] != 0) drawn.flags |= DrawnInstance::kDoubleSided;
+      if ((shades_[i].character & kToned) != 0) {
+        drawn.flags |= DrawnInstance::kToned;
+        tone_shift_[i] = tone_shift(geometry, i);
+      }
       Footprint f;
       if (is_relief(geometry, i)) {
         drawn.flags |= DrawnInstance::kRelief;
@@ -428,7 +470,7 @@ void VisibilityRasterizer::prepare(const FrameGeometry& geometry) {
                      ? 0U
                      : static_cast<std::uint32_t>(high / kTileSamples - low / kTileSamples) + 1U;
         };
-        if (cutouts_[instance.character].flags == nullptr &&
+        if (cutout_of(drawn) == nullptr &&
             (f.clipped || tiles(f.x_low, f.x_high) * tiles(f.y_low, f.y_high) >= kListTiles)) {
           f = list_instance(geometry, i, f, worker);
         }
@@ -474,6 +516,20 @@ void VisibilityRasterizer::prepare(const FrameGeometry& geometry) {
   });
 }
 
+std::uint32_t VisibilityRasterizer::tone_shift(const FrameGeometry& geometry, std::size_t i) const {
+  const VisibleInstance& instance = geometry.instances[i];
+  const std::span<const ToneBand> bands =
+      cast_->members[instance.character].character.corner_tones.band;
+  const std::uint32_t first =
+      first_tone_[instance.character] +
+      element::first_tone(bands.data(), static_cast<std::uint32_t>(bands.size()),
+                          instance.vertex_count);
+  const bool is_shared =
+      !geometry.shared.empty() && geometry.shared[i].level != SharedInstance::kOwn;
+  return first - 3 * (is_shared ? levels_.levels[geometry.shared[i].level].first_triangle
+                                : geometry.triangle_offset[i]);
+}
+
 Footprint VisibilityRasterizer::list_instance(const FrameGeometry& geometry, std::size_t i,
                                               const Footprint& vertices, unsigned worker) {
   DrawnInstance& drawn = drawn_[i];
@@ -494,13 +550,18 @@ Footprint VisibilityRasterizer::list_instance(const FrameGeometry& geometry, std
 InstanceTriangles VisibilityRasterizer::own_triangles(const FrameGeometry& geometry,
                                                       const DrawnInstance& drawn,
                                                       bool clipped) const {
-  const Cutout& cutout = cutouts_[drawn.flags & DrawnInstance::kCharacter];
   return {geometry.indices.data() + drawn.first,
           drawn.triangle_count,
           drawn.first_block,
           (drawn.flags & DrawnInstance::kDoubleSided) != 0,
           clipped,
-          cutout.flags != nullptr ? &cutout : nullptr};
+          cutout_of(drawn)};
+}
+
+const Cutout* VisibilityRasterizer::cutout_of(const DrawnInstance& drawn) const {
+  if ((drawn.flags & DrawnInstance::kToned) != 0) return nullptr;  // no texture, no holes
+  const Cutout& cutout = cutouts_[drawn.flags & DrawnInstance::kCharacter];
+  return cutout.flags != nullptr ? &cutout : nullptr;
 }
 
 SharedTriangles VisibilityRasterizer::shared_triangles(const FrameGeometry& geometry,
@@ -1071,8 +1132,9 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
       collect_facts(tile_x_px, tile_y_px, width, height, static_cast<int>(viewport.width_px),
                     geometry.splats, scratch.planes);
     }
-    const SharedMeshes shared{geometry.posed, levels_.corners.data(), uv_.data(),
-                              shared_shades_.data(), tones_.data()};
+    const SharedMeshes shared{geometry.posed,        levels_.corners.data(), uv_.data(),
+                              shared_shades_.data(), tones_.data(),          corner_tones_.data(),
+                              tone_shift_.data()};
     scratch.figures.sort();
     float* const planes[3] = {scratch.rgb[0], scratch.rgb[1], scratch.rgb[2]};
     shade_figures(scene, geometry, shared, shades_.data(), textures_, scratch.figures, tile_x_px,

@@ -111,6 +111,9 @@ TEST_F(CharacterFileTest, ReadsBackWhatWasWritten) {
   EXPECT_TRUE(same_bytes(read->palette, character_.palette));
   EXPECT_TRUE(same_bytes(read->base_color.texels, character_.base_color.texels));
   EXPECT_TRUE(same_bytes(read->tint_mask.texels, character_.tint_mask.texels));
+  EXPECT_EQ(read->corner_tones.most_vertices(), 20U);
+  EXPECT_TRUE(same_bytes(read->corner_tones.band, character_.corner_tones.band));
+  EXPECT_TRUE(same_bytes(read->corner_tones.tone, character_.corner_tones.tone));
   EXPECT_EQ(read->coarsest_count, 12U);
   EXPECT_EQ(read->bounds, character_.bounds);
   EXPECT_EQ(read->height_m, character_.height_m);
@@ -320,6 +323,27 @@ TEST_F(CharacterFileTest, HostileOffsetsAreRefused) {
     seal(bytes);
     EXPECT_THAT(std::string(read(bytes).status().message()), HasSubstr("end after the file"));
   }
+}
+
+TEST_F(CharacterFileTest, HostileToneCountsAreRefused) {
+  const std::size_t header = entry(Section::kCornerTone).offset;
+  for (const std::size_t field : {offsetof(layout::CornerToneHeader, band_count),
+                                  offsetof(layout::CornerToneHeader, triangle_count)}) {
+    for (const std::uint32_t count : {0U, 1U, 3U, 0x7FFFFFFFU, 0x80000000U, 0xFFFFFFFFU}) {
+      std::string bytes = bytes_;
+      poke(bytes, header + field, count);
+      seal(bytes);
+      EXPECT_EQ(read(bytes).status().code(), absl::StatusCode::kInvalidArgument) << count;
+    }
+  }
+}
+
+TEST_F(CharacterFileTest, UnknownVersionOfTonesIsRefused) {
+  poke(bytes_, entry(Section::kCornerTone).offset, std::uint32_t{2});
+  seal(bytes_);
+  const auto status = read(bytes_).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(status.message()), HasSubstr("corner tone: version is 2"));
 }
 
 TEST_F(CharacterFileTest, HostileNameReferenceIsRefused) {

@@ -85,6 +85,20 @@ const Fault kFaults[] = {
     {"ImageSize", [](CharacterData& d) { d.base_color_width_px = 0; }, "base colour is 0 x 16"},
     {"ImageLevels", [](CharacterData& d) { d.base_color_levels = 6; }, "base colour has 6 levels"},
     {"ImageBytes", [](CharacterData& d) { d.base_color.pop_back(); }, "base colour has 1363 bytes"},
+    {"ToneBandOfTooManyVertices", [](CharacterData& d) { d.tone_band[0].vertex_count = 39; },
+     "corner tone band 0 is for 39 vertices, must be 1 to 38"},
+    {"ToneBandsOfEqualVertices", [](CharacterData& d) { d.tone_band[1].vertex_count = 20; },
+     "corner tone band 1 is for 20 vertices, must be 1 to 19"},
+    {"ToneBandOfNothing", [](CharacterData& d) { d.tone_band[1].vertex_count = 0; },
+     "corner tone band 1 is for 0 vertices"},
+    {"ToneBandElsewhere", [](CharacterData& d) { d.tone_band[1].first = 3; },
+     "corner tone band 1 begins at 3"},
+    {"ToneBands",
+     [](CharacterData& d) {
+       d.tone_band.assign(65, {20, 0});
+     },
+     "corner tone has 65 bands"},
+    {"ToneWords", [](CharacterData& d) { d.corner_tone.pop_back(); }, "corner tone has "},
     {"MaskBytes", [](CharacterData& d) { d.tint_mask.clear(); }, "tint mask has 0 bytes"},
 };
 

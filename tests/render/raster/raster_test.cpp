@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstring>
 
 #include "render/raster/rasterizer_fixture.hpp"
 #include "support/image_compare.hpp"
@@ -440,6 +441,45 @@ TEST_P(RasterTest, TwoRasterizersTakeTurnsOnOneThread) {
   EXPECT_EQ(picture.rgbx, before.rgbx);
   other->reset();
   EXPECT_EQ(draw({}, camera_north(), {40, 30}, Look{}).rgbx, before.rgbx);
+}
+
+TEST_P(RasterTest, CoarseLevelsAreDrawnInTheTonesOfTheirCorners) {
+  // green on the left, blue on the right, and there it is a top to be dyed; the order is that of
+  // add_facing_wall
+  const std::uint32_t left = pack_corner_tone({0, 0.5F, 0}, glm::vec4(0.0F));
+  const std::uint32_t right = pack_corner_tone({0, 0, 0.5F}, {0, 0, 1, 0});
+  const ToneBand bands[] = {{4, 0}};
+  const std::uint32_t tones[] = {left, left, right, left, right, right};
+  auto cast = std::make_shared<Cast>(*cast_of(2, 1, kRedWhite));
+  cast->members[0].character.corner_tones = {bands, tones};
+  ASSERT_TRUE(rasterizer_->upload(cast).ok());
+  RasterScene scene;
+  scene.begin_instance({9, 5, -2});  // so that the toned triangles aren't the frame's first
+  add_facing_wall(scene, {9, 5, 0}, 1.0F);
+  scene.begin_instance({0, 5, -2});
+  add_facing_wall(scene, {0, 5, 0}, 1.0F);
+  FrameGeometry geometry = scene.geometry();
+  std::vector<VisibleInstance> instances(geometry.instances.begin(), geometry.instances.end());
+  geometry.instances = instances;
+  Picture picture;
+  const auto draw_with = [&](std::uint32_t count) {
+    instances[0].vertex_count = 5;
+    instances[1].vertex_count = count;
+    const auto status = rasterizer_->draw(geometry, camera_north(), {96, 96}, glm::dvec3(0.0),
+                                          flat_look(), picture);
+    EXPECT_TRUE(status.ok()) << status;
+  };
+  draw_with(4);
+  for (const std::uint32_t y : {40U, 48U, 56U}) {  // both triangles
+    const Rgb west = at(picture, 34, y), middle = at(picture, 48, y), east = at(picture, 62, y);
+    EXPECT_GT(west.g, west.b + 40) << y;
+    EXPECT_GT(east.b, east.g + 10) << y;
+    EXPECT_GT(west.g, middle.g) << y;  // in between, what is between
+    EXPECT_GT(middle.g, east.g) << y;
+    EXPECT_LT(west.r, 40) << y;
+  }
+  draw_with(5);  // texture
+  EXPECT_GT(at(picture, 34, 48).r, 100);
 }
 
 INSTANTIATE_TEST_SUITE_P(Kinds, RasterTest,

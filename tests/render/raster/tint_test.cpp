@@ -5,6 +5,10 @@
 #include <cmath>
 #include <set>
 
+#include "render/raster/element/tone.hpp"
+#include "render/raster/visibility/element/shade.hpp"
+#include "throng/render/asset.hpp"
+
 namespace throng::render::element {
 namespace {
 
@@ -64,6 +68,26 @@ TEST(ColorTest, CubicIsCloseToTheStandardCurve) {
     const double exact = srgb <= 0.04045 ? srgb / 12.92 : std::pow((srgb + 0.055) / 1.055, 2.4);
     EXPECT_NEAR(linear_from_srgb(static_cast<float>(srgb)), exact, 0.003);
   }
+}
+
+TEST(ToneTest, LevelsFindTheirBand) {
+  const ToneBand bands[] = {{20, 0}, {14, 30}, {9, 50}};
+  for (std::uint32_t n = 15; n <= 20; ++n) EXPECT_EQ(element::first_tone(bands, 3, n), 0U);
+  for (std::uint32_t n = 10; n <= 14; ++n) EXPECT_EQ(element::first_tone(bands, 3, n), 90U);
+  for (std::uint32_t n = 0; n <= 9; ++n) EXPECT_EQ(element::first_tone(bands, 3, n), 150U);
+  EXPECT_EQ(element::first_tone(bands, 1, 4), 0U);
+}
+
+TEST(ToneTest, UnpacksWhatWasPacked) {
+  const element::Tone tone =
+      element::unpack_tone(pack_corner_tone({0.7F, 0.04F, 0.3F}, {1.0F, 0.0F, 0.4F, 2.0F}));
+  EXPECT_NEAR(tone.color.r, 0.7F, 0.008F);  // half a step of 127 or 63 square roots
+  EXPECT_NEAR(tone.color.g, 0.04F, 0.002F);
+  EXPECT_NEAR(tone.color.b, 0.3F, 0.01F);
+  EXPECT_EQ(tone.regions.x, 1.0F);
+  EXPECT_EQ(tone.regions.y, 0.0F);
+  EXPECT_NEAR(tone.regions.z, 0.4F, 0.072F);
+  EXPECT_EQ(tone.regions.w, 1.0F);
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <fstream>
 #include <glm/gtc/quaternion.hpp>
@@ -236,6 +237,63 @@ float at(const std::vector<float>& curve, float cycles) {
   const auto i = static_cast<std::size_t>(x) % curve.size();
   const float t = x - std::floor(x);
   return curve[i] * (1.0F - t) + curve[(i + 1) % curve.size()] * t;
+}
+
+/// Share of the way from a to b at which it meets a triangle, or above 1 where it doesn't.
+float meets(const glm::vec3& a, const glm::vec3& b, const std::array<glm::vec3, 3>& triangle) {
+  constexpr float kNever = 2.0F;
+  const glm::vec3 way = b - a, e1 = triangle[1] - triangle[0], e2 = triangle[2] - triangle[0];
+  const glm::vec3 p = glm::cross(way, e2);
+  const float determinant = glm::dot(e1, p);
+  if (std::abs(determinant) < 1e-12F) return kNever;
+  const glm::vec3 from = a - triangle[0], q = glm::cross(from, e1);
+  const float u = glm::dot(from, p) / determinant, v = glm::dot(way, q) / determinant;
+  if (u < 0.0F || v < 0.0F || u + v > 1.0F) return kNever;
+  const float t = glm::dot(e2, q) / determinant;
+  return t < 0.0F ? kNever : t;
+}
+
+TEST(BuiltinSkirtTest, CoversThighsAndKneesInEveryFrameOfTheRun) {
+  for (const Figure& figure : figures()) {
+    if (figure.bottom != BottomStyle::kSkirt) continue;
+    const Moving m(figure);
+    const std::vector<MeshVertex>& vertices = m.body.mesh.vertices;
+    std::vector<std::array<int, 3>> cloth;  // outside
+    for (const MeshFace& face : m.body.mesh.faces) {
+      bool is_skirt = face.region == Region::kBottom;
+      for (int k = 0; k < face.size(); ++k) {
+        is_skirt = is_skirt && vertices[face.corner[k]].part == Part::kSkirt;
+      }
+      if (!is_skirt) continue;
+      cloth.push_back({face.corner[0], face.corner[1], face.corner[2]});
+      if (face.size() == 4) cloth.push_back({face.corner[0], face.corner[2], face.corner[3]});
+    }
+    ASSERT_FALSE(cloth.empty()) << figure.name;
+    const auto& run = m.clips[2];
+    const float knee_m = m.rig.joints[m.rig.find("left_lower_leg")].position.z - 0.05F;
+    std::size_t covered = 0;
+    for (std::uint32_t frame = 0; frame < run.frame_count; ++frame) {
+      const std::vector<glm::vec3> at = m.posed(run, frame);
+      // a leg that shows is beyond the cloth, seen from the middle at the same height
+      const glm::vec3 hips = m.joint(run, frame, "hips");
+      for (std::size_t v = 0; v < at.size(); ++v) {
+        const Part part = vertices[v].part;
+        if (part != Part::kLegLeft && part != Part::kLegRight) continue;
+        if (m.position[v].z < knee_m) continue;
+        const glm::vec3 middle(hips.x, hips.y, at[v].z);
+        const float reach_m = glm::distance(middle, at[v]);
+        for (const std::array<int, 3>& corner : cloth) {
+          const float t = meets(middle, at[v], {at[corner[0]], at[corner[1]], at[corner[2]]});
+          if (t > 1.5F) continue;  // beyond: under the hem, or not this triangle
+          ++covered;
+          EXPECT_GT((t - 1.0F) * reach_m, -0.003F)
+              << figure.name << " frame " << frame << " vertex " << v << " at " << at[v].x << " "
+              << at[v].y << " " << at[v].z;
+        }
+      }
+    }
+    EXPECT_GT(covered, 300U) << figure.name;  // or nothing was looked at
+  }
 }
 
 TEST(BuiltinWalkTest, HipAndKneeStayWithinTenDegreesOfACapturedWalk) {

@@ -177,8 +177,8 @@ TEST(CollapseTest, LimbThatMovesMoreIsNotKeptAtTheExpenseOfTheOther) {
     const std::uint32_t n = character.legal_count[wanted];
     int left = 0;
     for (std::uint32_t i = 0; i < n; ++i) left += character.position[i].y > 0.0F ? 1 : 0;
-    EXPECT_GT(left, static_cast<int>(0.38F * static_cast<float>(n))) << "at " << n;
-    EXPECT_LT(left, static_cast<int>(0.62F * static_cast<float>(n))) << "at " << n;
+    EXPECT_GT(left, static_cast<int>(0.35F * static_cast<float>(n))) << "at " << n;
+    EXPECT_LT(left, static_cast<int>(0.65F * static_cast<float>(n))) << "at " << n;
   }
 }
 

@@ -10,6 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "throng/render/tone.hpp"
+
 namespace throng::render {
 
 struct Relief;  // relief.hpp
@@ -90,6 +92,21 @@ constexpr std::uint32_t point_tone_count(std::uint32_t count) {
   return tones;
 }
 
+/// Colours of coarse levels. Their triangles lie across several charts, so that texture coordinates
+/// between their corners mean nothing: each has a colour at its corners instead, interpolated.
+///
+/// A triangle grows as vertices go, so there are bands of levels, the finest first; each has tones
+/// of all triangles that its finest level draws. Levels finer than all bands have texture.
+struct CornerTones {
+  static constexpr std::uint32_t kMostBands = 64;
+
+  std::span<const ToneBand> band;       // vertex counts fall; none: all levels have texture
+  std::span<const std::uint32_t> tone;  // three of pack_corner_tone for each triangle
+
+  /// Levels with at most so many vertices have tones.
+  std::uint32_t most_vertices() const { return band.empty() ? 0 : band[0].vertex_count; }
+};
+
 /// Bits of Character::triangle_flags.
 inline constexpr std::uint8_t kTriangleDoubleSided = 1;
 inline constexpr std::uint8_t kTriangleAlphaCutout = 2;  // texels with alpha under 128 are holes
@@ -125,6 +142,7 @@ struct Character {
   MipImage tint_mask;                    // weights r skin, g hair, b top, a bottom; may be empty
   std::shared_ptr<const Relief> relief;  // impostor; null: none was baked
   SurfacePoints points;
+  CornerTones corner_tones;
   std::shared_ptr<const void> storage;
 
   std::uint32_t vertex_count() const { return static_cast<std::uint32_t>(position.size()); }
@@ -172,6 +190,8 @@ struct CharacterData {
   std::vector<SurfacePoint> point;
   std::vector<float> point_radius_m;
   std::vector<PointTone> point_tone;
+  std::vector<ToneBand> tone_band;
+  std::vector<std::uint32_t> corner_tone;
 };
 
 /// Checks every promise of `Character` (shapes, index ranges, finite numbers, weight sums,
@@ -191,6 +211,11 @@ absl::StatusOr<Character> read_character(const std::string& path);
 
 /// Reads `folder/cast.json` and its characters. Errors as `read_character`.
 absl::StatusOr<Cast> read_cast(const std::string& folder);
+
+/// What textures show at a triangle's corner, in four bytes: square roots of the linear components
+/// in 7, 7 and 6 bits, r lowest, then the tint mask's weights in 3 bits each, skin lowest. All are
+/// clamped to 0 to 1.
+std::uint32_t pack_corner_tone(const glm::vec3& linear, const glm::vec4& regions);
 
 /// Octahedral unit vector coding (Meyer et al. 2010), snorm16.
 glm::i16vec2 encode_octahedral(const glm::vec3& unit);

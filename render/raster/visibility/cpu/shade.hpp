@@ -60,13 +60,17 @@ using element::TriangleTone;
 std::vector<TriangleTone> make_tones(const Cast& cast, const LevelTable& levels,
                                      const TextureStore& textures);
 
-/// Where the vertices of shared instances are.
+/// Where the vertices of shared instances are, and the tones of all.
 struct SharedMeshes {
   const float* posed;            // FrameGeometry::posed
   const std::uint32_t* corners;  // LevelTable::corners
   const std::uint32_t* uv;
   const SharedShade* shades;  // [V]
   const TriangleTone* tones;  // by triangle of LevelTable
+  // of all figures that have them: a corner's tone is at the triangle's first corner (shared: three
+  // times its number) and what its instance adds, modulo 2^32
+  const std::uint32_t* corner_tones;
+  const std::uint32_t* tone_shift;  // [V]
 };
 
 /// What a subset of a pixel's four samples shows: bit 0 left above, 1 right above, 2 left below.

@@ -11,6 +11,7 @@
 #include <cstring>
 
 #include "render/raster/element/color.hpp"
+#include "render/raster/element/tone.hpp"
 #include "render/raster/visibility/cpu/shade.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -299,6 +300,7 @@ struct FigureBatch {
   HWY_ALIGN std::int32_t wx[2][kBatch], wy[2][kBatch];
   HWY_ALIGN std::uint32_t pair[2][2][kBatch][2];
   HWY_ALIGN float light[6][kBatch];
+  HWY_ALIGN float tone[7][kBatch];  // colour and regions
   // of mixed instances
   HWY_ALIGN std::int32_t instance[kBatch];
   HWY_ALIGN float frame[7][kBatch];
@@ -342,8 +344,14 @@ HWY_INLINE Figure FigureOf(const SceneFrame& scene, const Frame& frame) {
   return figure;
 }
 
+/// What of a batch's pixels has to be looked up.
+struct Wants {
+  bool texture, mask, tones;
+};
+
 /// An instance's character's textures, tints and channel.
 struct Surface {
+  I toned;   // negative: corners have tones
   I levels;  // of TextureStore::levels, in values
   I width[2], height[2], last_level[2], log2_width[2];
   F has_mask;
@@ -362,6 +370,7 @@ HWY_INLINE Surface SurfaceOf(const TextureStore& textures, I character, const Re
   const UintTag du;
   Surface surface;
   const TextureLevels& first = textures.levels[0];
+  surface.toned = read_shade(8);
   surface.levels = hn::Mul(character, hn::Set(IntTag(), kLevelsWords));
   for (int t = 0; t < 2; ++t) {
     surface.width[t] = read(&first.width[t]);
@@ -420,6 +429,12 @@ void LoadBatch(const FrameGeometry& geometry, const SharedMeshes& meshes,
         std::memcpy(&batch.uv[c][k], &vertex.uv, 4);
       }
     }
+    if ((shades[group.instance].character & kToned) != 0) {
+      const std::uint32_t* tone =
+          meshes.corner_tones +
+          (meshes.tone_shift[group.instance] + (group.is_shared != 0 ? 3 : 1) * item.triangle);
+      for (int c = 0; c < 3; ++c) std::memcpy(&batch.uv[c][k], tone + c, 4);
+    }
     if (!mixed) continue;
     batch.instance[k] = static_cast<std::int32_t>(group.instance);
     const InstanceShade& shade = shades[group.instance];
@@ -435,43 +450,13 @@ void LoadBatch(const FrameGeometry& geometry, const SharedMeshes& meshes,
   }
 }
 
-/// Where the pixel at k of a batch lies on its triangle: light and texels.
-HWY_INLINE void ShadeGeometry(const SceneFrame& scene, const TextureStore& textures,
-                              const Figure& figure, const Surface& surface, bool wants_mask,
-                              std::size_t k, FigureBatch& batch) {
+/// Which texels the pixel at k of a batch needs: it is at (b1, b2) of its triangle, which covers
+/// twice `area_px` pixels.
+HWY_INLINE void PlaceTexels(const TextureStore& textures, const Surface& surface, bool wants_mask,
+                            F b1, F b2, F area_px, std::size_t k, FigureBatch& batch) {
   const FloatTag df;
   const IntTag di;
   const UintTag du;
-  const F x_px = hn::Load(df, batch.x_px + k), y_px = hn::Load(df, batch.y_px + k);
-  const V3 ray = Add3(Add3(figure.ray, Scale3(figure.ray_x, x_px)), Scale3(figure.ray_y, y_px));
-  V3 eye = figure.eye;
-  if (scene.orthographic) {
-    eye = Add3(Add3(eye, Scale3(figure.eye_x, x_px)), Scale3(figure.eye_y, y_px));
-  }
-  V3 p[3];
-  I normal[3];
-  for (int c = 0; c < 3; ++c) {
-    F bits;
-    hn::LoadInterleaved4(df, batch.corner[c][k], p[c].x, p[c].y, p[c].z, bits);
-    normal[c] = hn::BitCast(di, bits);
-  }
-  const V3 e1 = Sub3(p[1], p[0]), e2 = Sub3(p[2], p[0]);
-  // where the ray meets the triangle's plane (Moeller & Trumbore 1997)
-  const V3 cross = Cross3(ray, e2);
-  const F determinant = Dot3(e1, cross);
-  const F tiny = Set(1e-20F);
-  const F safe = hn::IfThenElse(hn::Lt(hn::Abs(determinant), tiny), tiny, determinant);
-  const F inverse = hn::Div(Set(1.0F), safe);
-  const V3 t = Sub3(eye, p[0]);
-  const V3 q = Cross3(t, e1);
-  F b1 = Clamp01(hn::Mul(Dot3(t, cross), inverse));
-  F b2 = Clamp01(hn::Mul(Dot3(ray, q), inverse));
-  const F over = hn::Div(Set(1.0F), hn::Max(hn::Add(b1, b2), Set(1.0F)));
-  b1 = hn::Mul(b1, over);
-  b2 = hn::Mul(b2, over);
-  const F b0 = hn::Sub(hn::Sub(Set(1.0F), b1), b2);
-  const V3 place = Add3(p[0], Add3(Scale3(e1, b1), Scale3(e2, b2)));
-
   // texture coordinates, 0 to 65535
   const I uv0 = hn::Load(di, batch.uv[0] + k), uv1 = hn::Load(di, batch.uv[1] + k),
           uv2 = hn::Load(di, batch.uv[2] + k);
@@ -484,16 +469,9 @@ HWY_INLINE void ShadeGeometry(const SceneFrame& scene, const TextureStore& textu
   const F v0 = v_of(uv0), v1 = hn::Sub(v_of(uv1), v0), v2 = hn::Sub(v_of(uv2), v0);
   const F u = hn::Add(u0, hn::Add(hn::Mul(u1, b1), hn::Mul(u2, b2)));
   const F v = hn::Add(v0, hn::Add(hn::Mul(v1, b1), hn::Mul(v2, b2)));
-  // mip level from areas: texture covered over pixels covered. The triangle's shadow on the
-  // picture is |ray . (e1 x e2)| / distance^2, `distance` being along the ray (its forward part
-  // is 1).
-  F area_px = hn::Mul(hn::Abs(determinant), figure.area_px);
-  if (!scene.orthographic) {
-    const F distance = hn::Mul(Dot3(e2, q), inverse);
-    area_px = hn::Div(area_px, hn::Max(hn::Mul(distance, distance), tiny));
-  }
+  // mip level from areas: texture covered over pixels covered
   const F area_uv = hn::Abs(hn::Sub(hn::Mul(u1, v2), hn::Mul(u2, v1)));
-  const F level = Times(Log2Rough(hn::Div(area_uv, hn::Max(area_px, tiny))), 0.5F);
+  const F level = Times(Log2Rough(hn::Div(area_uv, hn::Max(area_px, Set(1e-20F)))), 0.5F);
   const auto* first = textures.levels[0].first[0];
   const I zero = hn::Zero(di), one = hn::Set(di, 1);
   for (int t_number = 0; t_number < (wants_mask ? 2 : 1); ++t_number) {
@@ -533,6 +511,87 @@ HWY_INLINE void ShadeGeometry(const SceneFrame& scene, const TextureStore& textu
       __builtin_prefetch(textures.texels.data() + batch.texel[t_number][1][lane]);
     }
   }
+}
+
+/// Colour and regions of element::unpack_tone, one after the other.
+HWY_INLINE void UnpackTone(U word, F tone[7]) {
+  const FloatTag df;
+  const IntTag di;
+  const UintTag du;
+  const auto share = [&](U bits, std::uint32_t most) HWY_ATTR {
+    const I code = hn::BitCast(di, hn::And(bits, hn::Set(du, most)));
+    return Times(hn::ConvertTo(df, code), 1.0F / static_cast<float>(most));
+  };
+  tone[0] = share(word, 127U);
+  tone[1] = share(hn::ShiftRight<7>(word), 127U);
+  tone[2] = share(hn::ShiftRight<14>(word), 63U);
+  for (int c = 0; c < 3; ++c) tone[c] = hn::Mul(tone[c], tone[c]);
+  tone[3] = share(hn::ShiftRight<20>(word), 7U);
+  tone[4] = share(hn::ShiftRight<23>(word), 7U);
+  tone[5] = share(hn::ShiftRight<26>(word), 7U);
+  tone[6] = share(hn::ShiftRight<29>(word), 7U);
+}
+
+/// What the corners' tones make of the pixel at k of a batch.
+HWY_INLINE void MixTones(F b0, F b1, F b2, std::size_t k, FigureBatch& batch) {
+  F tone[3][7];
+  for (int c = 0; c < 3; ++c) {
+    UnpackTone(hn::BitCast(UintTag(), hn::Load(IntTag(), batch.uv[c] + k)), tone[c]);
+  }
+  for (int i = 0; i < 7; ++i) {
+    const F mixed =
+        hn::Add(hn::Mul(tone[0][i], b0), hn::Add(hn::Mul(tone[1][i], b1), hn::Mul(tone[2][i], b2)));
+    hn::Store(mixed, FloatTag(), batch.tone[i] + k);
+  }
+}
+
+/// Where the pixel at k of a batch lies on its triangle: light and texels.
+HWY_INLINE void ShadeGeometry(const SceneFrame& scene, const TextureStore& textures,
+                              const Figure& figure, const Surface& surface, const Wants& wants,
+                              std::size_t k, FigureBatch& batch) {
+  const FloatTag df;
+  const IntTag di;
+  const F x_px = hn::Load(df, batch.x_px + k), y_px = hn::Load(df, batch.y_px + k);
+  const V3 ray = Add3(Add3(figure.ray, Scale3(figure.ray_x, x_px)), Scale3(figure.ray_y, y_px));
+  V3 eye = figure.eye;
+  if (scene.orthographic) {
+    eye = Add3(Add3(eye, Scale3(figure.eye_x, x_px)), Scale3(figure.eye_y, y_px));
+  }
+  V3 p[3];
+  I normal[3];
+  for (int c = 0; c < 3; ++c) {
+    F bits;
+    hn::LoadInterleaved4(df, batch.corner[c][k], p[c].x, p[c].y, p[c].z, bits);
+    normal[c] = hn::BitCast(di, bits);
+  }
+  const V3 e1 = Sub3(p[1], p[0]), e2 = Sub3(p[2], p[0]);
+  // where the ray meets the triangle's plane (Moeller & Trumbore 1997)
+  const V3 cross = Cross3(ray, e2);
+  const F determinant = Dot3(e1, cross);
+  const F tiny = Set(1e-20F);
+  const F safe = hn::IfThenElse(hn::Lt(hn::Abs(determinant), tiny), tiny, determinant);
+  const F inverse = hn::Div(Set(1.0F), safe);
+  const V3 t = Sub3(eye, p[0]);
+  const V3 q = Cross3(t, e1);
+  F b1 = Clamp01(hn::Mul(Dot3(t, cross), inverse));
+  F b2 = Clamp01(hn::Mul(Dot3(ray, q), inverse));
+  const F over = hn::Div(Set(1.0F), hn::Max(hn::Add(b1, b2), Set(1.0F)));
+  b1 = hn::Mul(b1, over);
+  b2 = hn::Mul(b2, over);
+  const F b0 = hn::Sub(hn::Sub(Set(1.0F), b1), b2);
+  const V3 place = Add3(p[0], Add3(Scale3(e1, b1), Scale3(e2, b2)));
+
+  if (wants.texture) {
+    // covered pixels: the triangle's shadow on the picture is |ray . (e1 x e2)| / distance^2,
+    // `distance` being along the ray (its forward part is 1)
+    F area_px = hn::Mul(hn::Abs(determinant), figure.area_px);
+    if (!scene.orthographic) {
+      const F distance = hn::Mul(Dot3(e2, q), inverse);
+      area_px = hn::Div(area_px, hn::Max(hn::Mul(distance, distance), tiny));
+    }
+    PlaceTexels(textures, surface, wants.mask, b1, b2, area_px, k, batch);
+  }
+  if (wants.tones) MixTones(b0, b1, b2, k, batch);
 
   // light
   V3 n = Unit3(Add3(Scale3(Octahedral(normal[0]), b0),
@@ -556,29 +615,41 @@ HWY_INLINE void ShadeGeometry(const SceneFrame& scene, const TextureStore& textu
 }
 
 /// The colours of the pixels from k on, into light[0] to light[2].
-HWY_INLINE void ShadeTexels(const SceneFrame& scene, const Surface& surface, bool wants_mask,
+HWY_INLINE void ShadeTexels(const SceneFrame& scene, const Surface& surface, const Wants& wants,
                             std::size_t k, FigureBatch& batch) {
   const FloatTag df;
   const UintTag du;
-  const auto sample = [&](int t) HWY_ATTR {
-    U t00, t10, t01, t11;
-    hn::LoadInterleaved2(du, batch.pair[t][0][k], t00, t10);
-    hn::LoadInterleaved2(du, batch.pair[t][1][k], t01, t11);
-    const auto weight = [&](const std::int32_t* w)
-                            HWY_ATTR { return hn::BitCast(du, hn::Load(IntTag(), w + k)); };
-    return Mix(t00, t10, t01, t11, weight(batch.wx[t]), weight(batch.wy[t]));
-  };
-  const Rgba base = sample(0);
-  const V3 color{Linear(base.r), Linear(base.g), Linear(base.b)};
-  V3 albedo = color;
-  if (wants_mask) {
-    Rgba mask = sample(1);
-    mask.r = hn::Mul(mask.r, surface.has_mask);
-    mask.g = hn::Mul(mask.g, surface.has_mask);
-    mask.b = hn::Mul(mask.b, surface.has_mask);
-    mask.a = hn::Mul(mask.a, surface.has_mask);
-    albedo = Dyed(color, mask, surface.tints);
+  const F zero = hn::Zero(df);
+  V3 color{zero, zero, zero};
+  Rgba mask{zero, zero, zero, zero};
+  if (wants.texture) {
+    const auto sample = [&](int t) HWY_ATTR {
+      U t00, t10, t01, t11;
+      hn::LoadInterleaved2(du, batch.pair[t][0][k], t00, t10);
+      hn::LoadInterleaved2(du, batch.pair[t][1][k], t01, t11);
+      const auto weight = [&](const std::int32_t* w)
+                              HWY_ATTR { return hn::BitCast(du, hn::Load(IntTag(), w + k)); };
+      return Mix(t00, t10, t01, t11, weight(batch.wx[t]), weight(batch.wy[t]));
+    };
+    const Rgba base = sample(0);
+    color = {Linear(base.r), Linear(base.g), Linear(base.b)};
+    if (wants.mask) {
+      mask = sample(1);
+      mask.r = hn::Mul(mask.r, surface.has_mask);
+      mask.g = hn::Mul(mask.g, surface.has_mask);
+      mask.b = hn::Mul(mask.b, surface.has_mask);
+      mask.a = hn::Mul(mask.a, surface.has_mask);
+    }
   }
+  if (wants.tones) {
+    const auto toned = hn::RebindMask(df, hn::Lt(surface.toned, hn::Zero(IntTag())));
+    F* const values[7] = {&color.x, &color.y, &color.z, &mask.r, &mask.g, &mask.b, &mask.a};
+    for (int i = 0; i < 7; ++i) {
+      *values[i] = hn::IfThenElse(toned, hn::Load(df, batch.tone[i] + k), *values[i]);
+    }
+  }
+  V3 albedo = color;
+  if (wants.mask || wants.tones) albedo = Dyed(color, mask, surface.tints);
   if (!hn::AllTrue(du, hn::Eq(surface.channel, hn::Set(du, kNoChannel)))) {
     albedo = Colored(color, albedo, surface.channel);
   }
@@ -591,9 +662,9 @@ HWY_INLINE void ShadeTexels(const SceneFrame& scene, const Surface& surface, boo
 }
 
 /// Texels of the batch's pixels, two neighbours at a time.
-HWY_INLINE void LoadTexels(const std::uint32_t* texels, bool wants_mask, std::size_t padded,
+HWY_INLINE void LoadTexels(const std::uint32_t* texels, const Wants& wants, std::size_t padded,
                            FigureBatch& batch) {
-  for (int t = 0; t < (wants_mask ? 2 : 1); ++t) {
+  for (int t = 0; t < (wants.texture ? (wants.mask ? 2 : 1) : 0); ++t) {
     for (int row = 0; row < 2; ++row) {
       for (std::size_t k = 0; k < padded; ++k) {
         std::memcpy(batch.pair[t][row][k], texels + batch.texel[t][row][k], 8);
@@ -630,13 +701,15 @@ void ShadeFigures(const SceneFrame& scene, const FrameGeometry& geometry,
                Set3(shade.feet_relative), Set(0.0F)};
     }
     const Figure figure = FigureOf(scene, frame);
-    const std::size_t offset = shade.character * std::size_t{kLevelsWords};
+    const std::uint32_t character = shade.character & ~kToned;
+    const std::size_t offset = character * std::size_t{kLevelsWords};
     const Surface surface = SurfaceOf(
-        textures, hn::Set(di, static_cast<std::int32_t>(shade.character)),
+        textures, hn::Set(di, static_cast<std::int32_t>(character)),
         [&](const std::int32_t* words) HWY_ATTR { return hn::Set(di, words[offset]); },
         [&](int word) HWY_ATTR { return hn::Set(di, shade_words[word]); });
-    const bool wants_mask =
-        textures.levels[shade.character].has_mask != 0 && shade.channel == kNoChannel;
+    const bool toned = (shade.character & kToned) != 0;
+    const bool masked = textures.levels[character].has_mask != 0 && shade.channel == kNoChannel;
+    const Wants wants{!toned, !toned && masked, toned};
     for (std::size_t done = 0; done < group.count; done += kBatch) {
       const std::size_t from = group.first + done;
       const std::size_t count = std::min(kBatch, group.count - done);
@@ -644,11 +717,11 @@ void ShadeFigures(const SceneFrame& scene, const FrameGeometry& geometry,
       LoadBatch(geometry, meshes, shades, items, from, count, padded, false, tile_x_px, tile_y_px,
                 batch);
       for (std::size_t k = 0; k < padded; k += lanes) {
-        ShadeGeometry(scene, textures, figure, surface, wants_mask, k, batch);
+        ShadeGeometry(scene, textures, figure, surface, wants, k, batch);
       }
-      LoadTexels(textures.texels.data(), wants_mask, padded, batch);
+      LoadTexels(textures.texels.data(), wants, padded, batch);
       for (std::size_t k = 0; k < padded; k += lanes) {
-        ShadeTexels(scene, surface, wants_mask, k, batch);
+        ShadeTexels(scene, surface, wants, k, batch);
       }
       add(from, count);
     }
@@ -658,11 +731,20 @@ void ShadeFigures(const SceneFrame& scene, const FrameGeometry& geometry,
     const std::size_t padded = (count + lanes - 1) / lanes * lanes;
     LoadBatch(geometry, meshes, shades, items, from, count, padded, true, tile_x_px, tile_y_px,
               batch);
+    Wants wants{false, false, false};
+    for (std::size_t k = 0; k < count; ++k) {
+      const bool toned =
+          (shades[static_cast<std::size_t>(batch.instance[k])].character & kToned) != 0;
+      wants.texture |= !toned;
+      wants.tones |= toned;
+    }
+    wants.mask = wants.texture;
     const auto surface_at = [&](std::size_t k) HWY_ATTR {
       const auto* words = reinterpret_cast<const std::int32_t*>(shades);
       const I at =
           hn::Mul(hn::Load(di, batch.instance + k), hn::Set(di, sizeof(InstanceShade) / 4));
-      const I character = hn::GatherIndex(di, words + 8, at);
+      const I character = hn::And(hn::GatherIndex(di, words + 8, at),
+                                  hn::Set(di, static_cast<std::int32_t>(~kToned)));
       const I levels = hn::Mul(character, hn::Set(di, kLevelsWords));
       return SurfaceOf(
           textures, character,
@@ -673,11 +755,11 @@ void ShadeFigures(const SceneFrame& scene, const FrameGeometry& geometry,
       const auto column = [&](int c) HWY_ATTR { return hn::Load(df, batch.frame[c] + k); };
       const Frame frame{
           column(0), column(1), column(2), {column(3), column(4), column(5)}, column(6)};
-      ShadeGeometry(scene, textures, FigureOf(scene, frame), surface_at(k), true, k, batch);
+      ShadeGeometry(scene, textures, FigureOf(scene, frame), surface_at(k), wants, k, batch);
     }
-    LoadTexels(textures.texels.data(), true, padded, batch);
+    LoadTexels(textures.texels.data(), wants, padded, batch);
     for (std::size_t k = 0; k < padded; k += lanes) {
-      ShadeTexels(scene, surface_at(k), true, k, batch);
+      ShadeTexels(scene, surface_at(k), wants, k, batch);
     }
     add(from, count);
   }
@@ -1043,6 +1125,21 @@ TriangleTone tone_of(const TextureInfo& info, const TextureStore& textures, cons
   return tone;
 }
 
+TriangleTone mean_tone(const std::uint32_t* corners) {
+  glm::vec3 color(0.0F);
+  glm::vec4 regions(0.0F);
+  for (int k = 0; k < 3; ++k) {
+    const element::Tone corner = element::unpack_tone(corners[k]);
+    color += corner.color * (1.0F / 3.0F);
+    regions += corner.regions * (1.0F / 3.0F);
+  }
+  TriangleTone mean{element::pack_color(color), 0};
+  for (int k = 0; k < 4; ++k) {
+    mean.regions |= static_cast<std::uint32_t>(regions[k] * 255.0F + 0.5F) << (8 * k);
+  }
+  return mean;
+}
+
 }  // namespace
 
 HWY_EXPORT(ShadeFigures);
@@ -1108,6 +1205,18 @@ std::vector<TriangleTone> make_tones(const Cast& cast, const LevelTable& levels,
   for (const Level& level : levels.levels) {
     const Character& character = cast.members[level.character].character;
     const TextureInfo& info = textures.infos[level.character];
+    const CornerTones& corner_tones = character.corner_tones;
+    if (level.vertex_count <= corner_tones.most_vertices()) {
+      const std::uint32_t* tone =
+          corner_tones.tone.data() +
+          element::first_tone(corner_tones.band.data(),
+                              static_cast<std::uint32_t>(corner_tones.band.size()),
+                              level.vertex_count);
+      for (std::uint32_t t = 0; t < level.triangle_count; ++t) {
+        tones[level.first_triangle + t] = mean_tone(tone + std::size_t{3} * t);
+      }
+      continue;
+    }
     for (std::uint32_t t = 0; t < level.triangle_count; ++t) {
       glm::vec2 uv[3];
       for (int k = 0; k < 3; ++k) {

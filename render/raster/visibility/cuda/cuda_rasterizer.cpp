@@ -91,6 +91,8 @@ class CudaRasterizer final : public Rasterizer {
           level_at(s),
           uv(s),
           tones(s),
+          band(s),
+          corner_tones(s),
           instance(s),
           vertex_offset(s),
           triangle_offset(s),
@@ -126,6 +128,8 @@ class CudaRasterizer final : public Rasterizer {
     DeviceBuffer<RasterLevel> level;
     DeviceBuffer<std::uint32_t> level_corners, level_at, uv;
     DeviceBuffer<TriangleTone> tones;
+    DeviceBuffer<ToneBand> band;
+    DeviceBuffer<std::uint32_t> corner_tones;
     // geometry that came from the host
     DeviceBuffer<VisibleInstance> instance;
     DeviceBuffer<std::uint32_t> vertex_offset, triangle_offset;
@@ -154,11 +158,12 @@ class CudaRasterizer final : public Rasterizer {
 
     std::uint64_t size_bytes() const {
       const auto sum = [](const auto&... buffer) { return (buffer.size_bytes() + ...); };
-      return sum(character, texels, flags, level, level_corners, level_at, uv, tones, own_blocks,
-                 small_units, large_units, instance, vertex_offset, triangle_offset, vertices,
-                 indices, shade, block_count, first_block, block_instance, projected, special,
-                 large, tiles, candidates, casters, blobs, blob_tiles, counts, words, shadow,
-                 blob_shadow, fact_depth, fact_instance, fact_bounds, scratch);
+      return sum(character, texels, flags, level, level_corners, level_at, uv, tones, band,
+                 corner_tones, own_blocks, small_units, large_units, instance, vertex_offset,
+                 triangle_offset, vertices, indices, shade, block_count, first_block,
+                 block_instance, projected, special, large, tiles, candidates, casters, blobs,
+                 blob_tiles, counts, words, shadow, blob_shadow, fact_depth, fact_instance,
+                 fact_bounds, scratch);
     }
   };
 
@@ -212,8 +217,9 @@ absl::Status CudaRasterizer::upload(std::shared_ptr<const Cast> cast) {
   device.first_surrounding = static_cast<std::uint32_t>(cast->members.size());
   std::vector<RasterCharacter> characters;
   std::vector<std::uint8_t> flags;
-  std::vector<std::uint32_t> level_at, uv;
+  std::vector<std::uint32_t> level_at, uv, corner_tones;
   const std::vector<TriangleTone> tones = make_tones(*cast, levels, *textures);
+  std::vector<ToneBand> bands;
   for (std::size_t m = 0; m < cast->members.size(); ++m) {
     const CastMember& member = cast->members[m];
     RasterCharacter& character = characters.emplace_back();
@@ -223,6 +229,15 @@ absl::Status CudaRasterizer::upload(std::shared_ptr<const Cast> cast) {
     for (const glm::u16vec2& one : member.character.uv) {
       uv.push_back(std::uint32_t{one.x} | std::uint32_t{one.y} << 16);
     }
+    const CornerTones& own_tones = member.character.corner_tones;
+    character.toned_count = own_tones.most_vertices();
+    character.first_band = static_cast<std::uint32_t>(bands.size());
+    character.band_count = static_cast<std::uint32_t>(own_tones.band.size());
+    const auto first_triangle = static_cast<std::uint32_t>(corner_tones.size() / 3);
+    for (const ToneBand& band : own_tones.band) {
+      bands.push_back({band.vertex_count, first_triangle + band.first});
+    }
+    corner_tones.insert(corner_tones.end(), own_tones.tone.begin(), own_tones.tone.end());
     character.first_flag = static_cast<std::uint32_t>(flags.size());
     for (const std::uint8_t flag : member.character.triangle_flags) {
       if ((flag & kTriangleDoubleSided) != 0) character.flags |= RasterCharacter::kDoubleSided;
@@ -252,6 +267,8 @@ absl::Status CudaRasterizer::upload(std::shared_ptr<const Cast> cast) {
   THRONG_CUDA_TRY(copy(level_at.data(), level_at.size(), b.level_at), kUpload);
   THRONG_CUDA_TRY(copy(uv.data(), uv.size(), b.uv), kUpload);
   THRONG_CUDA_TRY(copy(tones.data(), tones.size(), b.tones), kUpload);
+  THRONG_CUDA_TRY(copy(bands.data(), bands.size(), b.band), kUpload);
+  THRONG_CUDA_TRY(copy(corner_tones.data(), corner_tones.size(), b.corner_tones), kUpload);
   THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), kUpload);  // the vectors end here
   device.character = b.character.data();
   device.texels = b.texels.data();
@@ -261,6 +278,8 @@ absl::Status CudaRasterizer::upload(std::shared_ptr<const Cast> cast) {
   device.level_at = b.level_at.data();
   device.uv = b.uv.data();
   device.tones = b.tones.data();
+  device.band = b.band.data();
+  device.corner_tones = b.corner_tones.data();
   device_cast_ = device;
   cast_ = std::move(cast);
   return absl::OkStatus();

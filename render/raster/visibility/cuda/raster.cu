@@ -43,7 +43,9 @@ __device__ Fetched fetch(const RasterJob& job, std::uint32_t id) {
   const RasterCharacter& character = job.cast.character[triangle.character];
   triangle.flags =
       (character.flags & RasterCharacter::kDoubleSided) != 0 ? LargeTriangle::kDoubleSided : 0;
+  // tones know no holes
   if ((character.flags & RasterCharacter::kHoles) != 0 &&
+      job.instance[i].vertex_count > character.toned_count &&
       (job.cast.triangle_flags[character.first_flag + t] & kAlphaCutout) != 0) {
     triangle.flags |= LargeTriangle::kHoles;
   }

@@ -4,6 +4,7 @@
 #include <glm/glm.hpp>
 
 #include "render/raster/element/instance_shade.hpp"
+#include "render/raster/element/tone.hpp"
 #include "render/raster/visibility/element/clip.hpp"
 #include "render/raster/visibility/element/cutout.hpp"
 #include "render/raster/visibility/element/flat.hpp"
@@ -21,6 +22,8 @@ using Word = unsigned long long;  // as atomicMax takes it; element/word.hpp say
 struct RasterCharacter {
   element::TextureInfo texture;
   float height_m = 0.0F;
+  std::uint32_t toned_count = 0;  // CornerTones::most_vertices()
+  std::uint32_t first_band = 0, band_count = 0;
   std::uint32_t flags = 0;
   std::uint32_t first_flag = 0;  // of triangle_flags
   std::uint32_t first_uv = 0;    // of uv
@@ -43,6 +46,8 @@ struct RasterCast {
   const element::TriangleTone* tones = nullptr;  // by triangle of the levels
   const std::uint32_t* uv = nullptr;             // unorm16 pairs of all characters' vertices
   const std::uint32_t* level_at = nullptr;       // [members][kMostLevelVertices + 1], or kNoLevel
+  const ToneBand* band = nullptr;                // with their places in all characters' tones
+  const std::uint32_t* corner_tones = nullptr;
   std::uint32_t first_surrounding = 0;
 };
 

@@ -7,6 +7,14 @@ namespace {
 
 constexpr std::uint32_t kTileX = 16, kTileY = 8;  // pixels of a block of threads
 
+/// Where a toned instance's tones begin.
+__device__ const std::uint32_t* tones_of(const RasterJob& job, std::uint32_t instance) {
+  const VisibleInstance& visible = job.instance[instance];
+  const RasterCharacter& character = job.cast.character[visible.character];
+  return job.cast.corner_tones + element::first_tone(job.cast.band + character.first_band,
+                                                     character.band_count, visible.vertex_count);
+}
+
 __device__ element::ShadeCorners shared_corners(const RasterJob& job, std::uint32_t i,
                                                 std::uint32_t t) {
   const SharedInstance shared = job.shared[i];
@@ -63,8 +71,14 @@ __device__ glm::vec3 shade_figure(const RasterJob& job, std::uint32_t i, std::ui
           job.cast.level_corners[triangle]);
     }
   }
-  return element::shade_triangle(job.scene, shade, job.cast.character[shade.character].texture,
-                                 job.cast.texels, corners_of(job, i, t), x, y);
+  element::ShadeCorners corners = corners_of(job, i, t);
+  if ((shade.character & kToned) != 0) {
+    const std::uint32_t* tone = tones_of(job, i) + 3 * t;
+    for (int k = 0; k < 3; ++k) corners.uv[k] = tone[k];
+  }
+  return element::shade_triangle(job.scene, shade,
+                                 job.cast.character[shade.character & ~kToned].texture,
+                                 job.cast.texels, corners, x, y);
 }
 
 /// One pixel: each instance seen in its four samples is shaded once, where its samples are on the

@@ -19,8 +19,9 @@ __global__ void prepare_kernel(RasterJob job) {
   }
   const VisibleInstance& instance = job.instance[i];
   const RasterCharacter& character = job.cast.character[instance.character];
-  const InstanceShade shade = element::instance_shade(instance, character.height_m, job.scene,
-                                                      job.channel, job.cast.first_surrounding);
+  const InstanceShade shade =
+      element::instance_shade(instance, character.height_m, character.toned_count, job.scene,
+                              job.channel, job.cast.first_surrounding);
   job.shade[i] = shade;
   std::uint32_t triangles = job.triangle_offset[i + 1] - job.triangle_offset[i];
   const bool shares = is_shared(job, i);

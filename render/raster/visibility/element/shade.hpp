@@ -30,7 +30,7 @@ struct Blob {
 /// What a pixel sees of a triangle.
 struct ShadeCorners {
   glm::vec3 p[3];       // relative to the eye
-  std::uint32_t uv[3];  // unorm16 pairs
+  std::uint32_t uv[3];  // unorm16 pairs; of toned figures pack_corner_tone
   glm::vec3 n[3];       // not unit length
 };
 
@@ -168,6 +168,23 @@ THRONG_HOST_DEVICE inline glm::vec3 unpack_color(std::uint32_t bits) {
   return {r * r, g * g, b * b};
 }
 
+/// What pack_corner_tone packed.
+struct Tone {
+  glm::vec3 color;    // linear
+  glm::vec4 regions;  // tint mask
+};
+THRONG_HOST_DEVICE inline Tone unpack_tone(std::uint32_t word) {
+  const float r = static_cast<float>(word & 127U) * (1.0F / 127.0F);
+  const float g = static_cast<float>((word >> 7) & 127U) * (1.0F / 127.0F);
+  const float b = static_cast<float>((word >> 14) & 63U) * (1.0F / 63.0F);
+  Tone tone;
+  tone.color = glm::vec3(r * r, g * g, b * b);
+  for (int k = 0; k < 4; ++k) {
+    tone.regions[k] = static_cast<float>((word >> (20 + 3 * k)) & 7U) * (1.0F / 7.0F);
+  }
+  return tone;
+}
+
 /// The texture's colour with the regions of its mask dyed.
 THRONG_HOST_DEVICE inline glm::vec3 tinted(const glm::vec3& albedo, const glm::vec4& mask,
                                            const InstanceShade& shade) {
@@ -214,6 +231,38 @@ THRONG_HOST_DEVICE inline glm::vec3 lit(const SceneFrame& scene, const glm::vec3
   return tone_map(color);
 }
 
+/// What the texture shows at (b1, b2) of a triangle that covers twice `area_px` pixels.
+THRONG_HOST_DEVICE inline glm::vec3 textured(const InstanceShade& shade, const TextureInfo& texture,
+                                             const std::uint32_t* texels, const std::uint32_t uv[3],
+                                             float b1, float b2, float area_px) {
+  const auto u_of = [](std::uint32_t word) {
+    return static_cast<float>(word & 0xffffU) * (1.0F / 65535.0F);
+  };
+  const auto v_of = [](std::uint32_t word) {
+    return static_cast<float>(word >> 16) * (1.0F / 65535.0F);
+  };
+  const float u0 = u_of(uv[0]), u1 = u_of(uv[1]) - u0, u2 = u_of(uv[2]) - u0;
+  const float w0 = v_of(uv[0]), w1 = v_of(uv[1]) - w0, w2 = v_of(uv[2]) - w0;
+  const float u = u0 + (u1 * b1 + u2 * b2);
+  const float v = w0 + (w1 * b1 + w2 * b2);
+  const float area_uv = std::fabs(u1 * w2 - u2 * w1);
+  const float level = log2_rough(area_uv / most(area_px, 1e-20F)) * 0.5F;
+  const glm::vec4 base = bilinear(texels,
+                                  mip_level(texture.base_first, texture.base_width,
+                                            texture.base_height, texture.base_levels, level),
+                                  u, v);
+  const glm::vec3 linear(linear_from_srgb(base.x), linear_from_srgb(base.y),
+                         linear_from_srgb(base.z));
+  if (shade.channel != kNoChannel) return channel_tinted(linear, shade.channel);
+  if (texture.mask_first < 0) return linear;
+  return tinted(linear,
+                bilinear(texels,
+                         mip_level(texture.mask_first, texture.mask_width, texture.mask_height,
+                                   texture.mask_levels, level),
+                         u, v),
+                shade);
+}
+
 /// Colour of a figure's triangle at pixel coordinates (x, y): tone-mapped, linear. A texture is
 /// bilinear in one mip level; the sun and sky are the Look's.
 THRONG_HOST_DEVICE inline glm::vec3 shade_triangle(
@@ -242,40 +291,22 @@ THRONG_HOST_DEVICE inline glm::vec3 shade_triangle(
   const float b0 = (1.0F - b1) - b2;
   const glm::vec3 place = p0 + (e1 * b1 + e2 * b2);
 
-  // texture coordinates
-  const auto u_of = [](std::uint32_t uv) {
-    return static_cast<float>(uv & 0xffffU) * (1.0F / 65535.0F);
-  };
-  const auto v_of = [](std::uint32_t uv) {
-    return static_cast<float>(uv >> 16) * (1.0F / 65535.0F);
-  };
-  const float u0 = u_of(corner.uv[0]), u1 = u_of(corner.uv[1]) - u0, u2 = u_of(corner.uv[2]) - u0;
-  const float w0 = v_of(corner.uv[0]), w1 = v_of(corner.uv[1]) - w0, w2 = v_of(corner.uv[2]) - w0;
-  const float u = u0 + (u1 * b1 + u2 * b2);
-  const float v = w0 + (w1 * b1 + w2 * b2);
-  // mip level from areas: texture covered over pixels covered. The triangle's shadow on the picture
-  // is |ray . (e1 x e2)| / distance^2, `distance` being along the ray (its forward part is 1).
-  const float distance = dot3(e2, q) * inverse;
-  float area_px = std::fabs(determinant) * (scene.px_per_tangent * scene.px_per_tangent);
-  if (!scene.orthographic) area_px = area_px / most(distance * distance, kTiny);
-  const float area_uv = std::fabs(u1 * w2 - u2 * w1);
-  const float level = log2_rough(area_uv / most(area_px, kTiny)) * 0.5F;
-  const glm::vec4 base = bilinear(texels,
-                                  mip_level(texture.base_first, texture.base_width,
-                                            texture.base_height, texture.base_levels, level),
-                                  u, v);
-  const glm::vec3 linear(linear_from_srgb(base.x), linear_from_srgb(base.y),
-                         linear_from_srgb(base.z));
-  glm::vec3 albedo = linear;
-  if (shade.channel != kNoChannel) {
-    albedo = channel_tinted(linear, shade.channel);
-  } else if (texture.mask_first >= 0) {
-    albedo = tinted(albedo,
-                    bilinear(texels,
-                             mip_level(texture.mask_first, texture.mask_width, texture.mask_height,
-                                       texture.mask_levels, level),
-                             u, v),
-                    shade);
+  glm::vec3 albedo;
+  if ((shade.character & kToned) != 0) {
+    const Tone t0 = unpack_tone(corner.uv[0]), t1 = unpack_tone(corner.uv[1]),
+               t2 = unpack_tone(corner.uv[2]);
+    const glm::vec3 linear = t0.color * b0 + (t1.color * b1 + t2.color * b2);
+    albedo = shade.channel != kNoChannel
+                 ? channel_tinted(linear, shade.channel)
+                 : tinted(linear, t0.regions * b0 + (t1.regions * b1 + t2.regions * b2), shade);
+  } else {
+    // mip level from areas: texture covered over pixels covered. The triangle's shadow on the
+    // picture is |ray . (e1 x e2)| / distance^2, `distance` being along the ray (its forward part
+    // is 1).
+    const float distance = dot3(e2, q) * inverse;
+    float area_px = std::fabs(determinant) * (scene.px_per_tangent * scene.px_per_tangent);
+    if (!scene.orthographic) area_px = area_px / most(distance * distance, kTiny);
+    albedo = textured(shade, texture, texels, corner.uv, b1, b2, area_px);
   }
 
   glm::vec3 n = unit3(corner.n[0] * b0 + (corner.n[1] * b1 + corner.n[2] * b2));
