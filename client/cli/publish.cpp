@@ -141,7 +141,8 @@ int run_publish(const PublishCommand& command) {
       if (!pacer.wait_until(due)) break;
       fill_positions(frame, 0.0, positions);
       channels.assign(frame.channels.begin(), frame.channels.end());
-      producer->publish(time_us, frame.ids, positions, frame.heading_rad, channels);
+      producer->publish(time_us, frame.ids, positions, frame.heading_rad, channels,
+                        {frame.motion, info.motion_names});
       const ProducerStats stats = producer->stats();
       if (stats.ended) return report(kName, stats.last_error);
       progress.show(absl::StrFormat(

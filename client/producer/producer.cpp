@@ -44,6 +44,8 @@ struct Frame {
   std::vector<float> positions;  // [A][3]
   std::vector<float> headings;   // [A] or empty
   std::vector<std::vector<float>> channels;
+  std::vector<std::uint8_t> motion;  // [A] or empty
+  std::vector<std::string> motion_names;
 };
 
 std::string random_id() {
@@ -283,7 +285,11 @@ bool Producer::State::send(Stream& stream, const Frame& frame, std::uint64_t fra
   }
 
   const std::uint64_t agents = members.ids.size();
-  const std::uint64_t row_bytes = 12 + (frame.headings.empty() ? 0 : 4) + 4 * frame.channels.size();
+  const std::uint64_t row_bytes = 12 + (frame.headings.empty() ? 0 : 4) +
+                                  4 * frame.channels.size() + (frame.motion.empty() ? 0 : 1);
+  for (const std::string& name : frame.motion_names) {
+    chunk_limit -= std::min<std::uint64_t>(chunk_limit, name.size() + 4);
+  }
   const std::uint64_t rows_at_most = std::max<std::uint64_t>(1, chunk_limit / row_bytes);
   std::uint64_t first = 0;
   do {
@@ -305,6 +311,13 @@ bool Producer::State::send(Stream& stream, const Frame& frame, std::uint64_t fra
     for (std::size_t i = 0; i < frame.channels.size(); ++i) {
       chunk.set_channels(static_cast<int>(i), frame.channels[i].data() + first,
                          rows * sizeof(float));
+    }
+    chunk.clear_motion_names();
+    if (frame.motion.empty()) {
+      chunk.clear_motions();
+    } else {
+      chunk.set_motions(frame.motion.data() + first, rows);
+      for (const std::string& name : frame.motion_names) chunk.add_motion_names(name);
     }
     if (!stream.Write(message)) return false;
     first += rows;
@@ -337,7 +350,8 @@ Producer::~Producer() { close(std::chrono::seconds(1)); }
 
 bool Producer::publish(std::int64_t time_us, std::span<const std::uint64_t> ids,
                        std::span<const double> positions, std::span<const float> headings,
-                       std::span<const std::span<const float>> channels) noexcept {
+                       std::span<const std::span<const float>> channels,
+                       const MotionColumn& motions) noexcept {
   State& state = *state_;
   absl::Status error;
   try {
@@ -345,12 +359,23 @@ bool Producer::publish(std::int64_t time_us, std::span<const std::uint64_t> ids,
     const std::size_t axes = agents == 0 ? 3 : positions.size() / agents;
     bool fits = positions.size() == agents * axes && (axes == 2 || axes == 3) &&
                 (headings.empty() || headings.size() == agents) &&
-                (channels.empty() || channels.size() == state.options.channels.size());
+                (channels.empty() || channels.size() == state.options.channels.size()) &&
+                (motions.motion.empty() || motions.motion.size() == agents);
     for (const std::span<const float>& channel : channels) fits = fits && channel.size() == agents;
     if (!fits) {
-      error = absl::InvalidArgumentError(absl::StrCat(
-          "publish: ", agents, " ids, ", positions.size(), " coordinates, ", headings.size(),
-          " headings and ", channels.size(), " channels do not fit each other"));
+      error = absl::InvalidArgumentError(
+          absl::StrCat("publish: ", agents, " ids, ", positions.size(), " coordinates, ",
+                       headings.size(), " headings, ", channels.size(), " channels and ",
+                       motions.motion.size(), " motions do not fit each other"));
+    } else if (const auto wrong =
+                   std::find_if(motions.motion.begin(), motions.motion.end(),
+                                [&](std::uint8_t code) { return code > motions.names.size(); });
+               wrong != motions.motion.end()) {
+      error = absl::InvalidArgumentError(absl::StrCat("publish: a motion is ", int{*wrong}, ", ",
+                                                      motions.names.size(), " names are there"));
+    } else if (motions.names.size() > 64) {
+      error = absl::InvalidArgumentError(
+          absl::StrCat("publish: ", motions.names.size(), " names of motions, at most 64"));
     }
 
     Frame frame;
@@ -373,6 +398,8 @@ bool Producer::publish(std::int64_t time_us, std::span<const std::uint64_t> ids,
       for (const std::span<const float>& channel : channels) {
         frame.channels.emplace_back(channel.begin(), channel.end());
       }
+      frame.motion.assign(motions.motion.begin(), motions.motion.end());
+      frame.motion_names.assign(motions.names.begin(), motions.names.end());
     }
 
     // A new membership only where the ids, or their order, are not those of the frame before.

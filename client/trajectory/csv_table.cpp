@@ -79,6 +79,9 @@ constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
 /// Nobody walks or runs at this mean speed: positions in centimetres give it away.
 constexpr double kImplausibleSpeed = 12.0;
 constexpr std::size_t kMaxSpeedAgents = 100000;
+// What the wire takes.
+constexpr std::size_t kMostMotions = 64;
+constexpr std::size_t kLongestMotion = 64;
 
 /// A column's name and the unit written with it: "x_cm", "x/cm", "x [cm]", "x (cm)".
 struct ColumnName {
@@ -337,6 +340,7 @@ class Ingest {
     if (one_of(name, {"ori_y", "viewdiry", "heading_y", "dir_y", "diry"})) {
       return take(number, i, direction_y_);
     }
+    if (name == "motion") return take(number, i, motion_);
     if (name == "active" && info_.format == "pathfinder-csv") return take(number, i, active_);
     extra_.push_back(i);
     return absl::OkStatus();
@@ -414,6 +418,7 @@ class Ingest {
     if (!ignored.empty()) {
       info_.notes.push_back(absl::StrCat("columns that are not numbers are ignored: ", ignored));
     }
+    columns_.motion = motion_ != kNone;
     columns_.channels = channels_.size();
     rows_ = std::make_unique<RowSorter>(columns_.count(), options_.memory_bytes);
     return absl::OkStatus();
@@ -473,6 +478,7 @@ class Ingest {
       if (absl::Status s = heading_at(line, fields, heading); !s.ok()) return s;
       values_.push_back(heading);
     }
+    if (columns_.motion) values_.push_back(motion_at(fields[motion_]));
     for (const std::size_t column : channels_) {
       if (!parse_number(fields[column], value) || !(std::abs(value) <= 3e38)) {
         if (!fields[column].empty()) ++odd_channels_;
@@ -532,6 +538,21 @@ class Ingest {
     return absl::OkStatus();
   }
 
+  /// Code of what an agent does; 0 for nothing and beyond the names there may be.
+  double motion_at(std::string_view name) {
+    if (name.empty() || name == "0") return 0.0;
+    const auto known = std::find(info_.motion_names.begin(), info_.motion_names.end(), name);
+    if (known == info_.motion_names.end()) {
+      if (info_.motion_names.size() == kMostMotions || name.size() > kLongestMotion) {
+        ++odd_motions_;
+        return 0.0;
+      }
+      info_.motion_names.emplace_back(name);
+      return static_cast<double>(info_.motion_names.size());
+    }
+    return static_cast<double>(known - info_.motion_names.begin() + 1);
+  }
+
   void watch_speed(std::uint64_t id, std::int64_t key) {
     if (last_.size() >= kMaxSpeedAgents && !last_.contains(id)) return;
     const auto [entry, fresh] = last_.try_emplace(id, std::array<double, 3>{});
@@ -565,6 +586,11 @@ class Ingest {
       info_.notes.push_back(absl::StrCat(counted(odd_channels_, "value", "values"),
                                          " of further columns not a number"));
     }
+    if (odd_motions_ > 0) {
+      info_.notes.push_back(
+          absl::StrCat(counted(odd_motions_, "motion", "motions"), " left out: over ", kMostMotions,
+                       " different ones, or a name of over ", kLongestMotion, " bytes"));
+    }
     return make_sorted_reader(path_, std::move(info_), columns_, base_, options_, std::move(rows_),
                               std::move(ids_));
   }
@@ -577,7 +603,7 @@ class Ingest {
   std::vector<ColumnName> columns_of_;
   std::size_t time_ = kNone, frame_ = kNone, id_ = kNone, x_ = kNone, y_ = kNone, z_ = kNone;
   std::size_t heading_ = kNone, compass_ = kNone, direction_x_ = kNone, direction_y_ = kNone;
-  std::size_t active_ = kNone;
+  std::size_t active_ = kNone, motion_ = kNone;
   std::vector<std::size_t> extra_, channels_;
   bool sumo_ = false, degrees_ = false;
   bool unit_settled_ = false, channels_settled_ = false, unit_assumed_ = false;
@@ -595,7 +621,7 @@ class Ingest {
     std::vector<double> values;
   };
   std::unordered_map<std::uint64_t, Activity> activity_;
-  std::uint64_t inactive_ = 0, vehicles_ = 0, odd_channels_ = 0;
+  std::uint64_t inactive_ = 0, vehicles_ = 0, odd_channels_ = 0, odd_motions_ = 0;
   std::unordered_map<std::uint64_t, std::array<double, 3>> last_;  // time, x, y
   double distance_m_ = 0.0, walked_s_ = 0.0;
   std::unique_ptr<RowSorter> rows_;

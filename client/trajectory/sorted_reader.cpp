@@ -14,6 +14,7 @@ void clear_frame(const Columns& columns, std::int64_t time_us, Frame& frame) {
   frame.y_m.clear();
   frame.z_m.clear();
   frame.heading_rad.clear();
+  frame.motion.clear();
   frame.channels.resize(columns.channels);
   for (std::vector<float>& channel : frame.channels) channel.clear();
 }
@@ -26,6 +27,7 @@ void append_row(const Columns& columns, std::uint64_t id, std::span<const double
   std::size_t next = 2;
   if (columns.z) frame.z_m.push_back(values[next++]);
   if (columns.heading) frame.heading_rad.push_back(static_cast<float>(values[next++]));
+  if (columns.motion) frame.motion.push_back(static_cast<std::uint8_t>(values[next++]));
   for (std::size_t i = 0; i < columns.channels; ++i) {
     frame.channels[i].push_back(static_cast<float>(values[next + i]));
   }

@@ -13,12 +13,16 @@
 
 namespace throng::trajectory::detail {
 
-/// What the values of a row mean, in this order: x_m, y_m, [z_m], [heading_rad], channels.
+/// What the values of a row mean, in this order: x_m, y_m, [z_m], [heading_rad],
+/// [motion], channels.
 struct Columns {
   bool z = false;
   bool heading = false;
+  bool motion = false;
   std::size_t channels = 0;
-  std::size_t count() const { return 2 + (z ? 1 : 0) + (heading ? 1 : 0) + channels; }
+  std::size_t count() const {
+    return 2 + (z ? 1 : 0) + (heading ? 1 : 0) + (motion ? 1 : 0) + channels;
+  }
 };
 
 /// What the keys of the rows mean.

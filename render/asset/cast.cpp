@@ -1,4 +1,5 @@
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 
 #include <array>
 #include <cmath>
@@ -19,14 +20,8 @@ constexpr int kCastVersion = 1;
 constexpr std::size_t kMaxMembers = 4096;
 constexpr std::uintmax_t kMaxJsonSize = 16U << 20U;
 
-constexpr std::array<std::pair<const char*, ClipKind>, 6> kClipKinds = {{
-    {"other", ClipKind::kOther},
-    {"idle", ClipKind::kIdle},
-    {"walk", ClipKind::kWalk},
-    {"run", ClipKind::kRun},
-    {"sit", ClipKind::kSit},
-    {"cheer", ClipKind::kCheer},
-}};
+constexpr std::array<const char*, kClipKinds> kClipKindNames = {
+    "other", "idle", "walk", "run", "sit", "cheer", "wave", "talk", "phone"};
 
 template <typename... Parts>
 absl::Status bad(const Parts&... parts) {
@@ -52,14 +47,14 @@ absl::Status override_clip(const std::string& name, const Json& change, Characte
     if (clip.name != name) continue;
     if (const auto kind = change.find("kind"); kind != change.end()) {
       bool is_known = false;
-      for (const auto& [text, value] : kClipKinds) {
-        if (*kind != text) continue;
-        clip.kind = value;
+      for (std::uint32_t value = 0; value < kClipKinds; ++value) {
+        if (*kind != kClipKindNames[value]) continue;
+        clip.kind = static_cast<ClipKind>(value);
         is_known = true;
       }
       if (!is_known) {
-        return bad("clips: ", name, ": kind is ", kind->dump(),
-                   ", must be other, idle, walk, run, sit or cheer");
+        return bad("clips: ", name, ": kind is ", kind->dump(), ", must be one of ",
+                   absl::StrJoin(kClipKindNames, ", "));
       }
     }
     const auto stride_m = number(change, "stride_m", clip.stride_m, 0.0F, 1000.0F);
@@ -96,6 +91,11 @@ absl::StatusOr<CastMember> read_member(const Json& entry, const std::filesystem:
 }
 
 }  // namespace
+
+const char* name_of(ClipKind kind) {
+  const auto value = static_cast<std::uint32_t>(kind);
+  return value < kClipKinds ? kClipKindNames[value] : nullptr;
+}
 
 absl::StatusOr<Cast> read_cast(const std::string& folder) {
   const std::filesystem::path path = std::filesystem::path(folder) / "cast.json";

@@ -106,7 +106,8 @@ struct Info {
   std::uint32_t tint_mask_width_px, tint_mask_height_px, tint_mask_levels;
   float bounds[4];
   float height_m;
-  std::uint32_t reserved[12];
+  float gait_bounds[4];  // radius 0: as bounds
+  std::uint32_t reserved[8];
   std::uint32_t point_count;  // 0: no surface points
 };
 static_assert(sizeof(Info) == 128);

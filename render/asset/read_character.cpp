@@ -286,6 +286,9 @@ absl::StatusOr<Character> read_sections(std::span<const std::byte> file) {
   character.palette =
       sections.get<Affine>(Section::kPalette, std::uint64_t{info.frame_count} * info.joint_count);
   character.bounds = {info.bounds[0], info.bounds[1], info.bounds[2], info.bounds[3]};
+  character.gait_bounds = {info.gait_bounds[0], info.gait_bounds[1], info.gait_bounds[2],
+                           info.gait_bounds[3]};
+  if (character.gait_bounds.w == 0.0F) character.gait_bounds = character.bounds;
   character.height_m = info.height_m;
   character.base_color = read_image(sections, Section::kBaseColor, info.base_color_width_px,
                                     info.base_color_height_px, info.base_color_levels);

@@ -246,7 +246,7 @@ absl::Status check_animation(const Character& character) {
       return bad("clip ", c, " has a name of ", clip.name.size(), " bytes, limit ",
                  layout::kMaxNameSize);
     }
-    if (clip.kind > ClipKind::kCheer)
+    if (name_of(clip.kind) == nullptr)
       return bad("clip ", c, " has unknown kind ", static_cast<std::uint32_t>(clip.kind));
     if (clip.frame_count < 1 || std::uint64_t{clip.first_frame} + clip.frame_count > frames) {
       return bad("clip ", c, " has frames ", clip.first_frame, " + ", clip.frame_count,
@@ -269,10 +269,14 @@ absl::Status check_animation(const Character& character) {
     }
   }
   for (int i = 0; i < 4; ++i) {
-    if (!is_coordinate(character.bounds[i])) return bad("bounds are not finite");
+    if (!is_coordinate(character.bounds[i]) || !is_coordinate(character.gait_bounds[i])) {
+      return bad("bounds are not finite");
+    }
   }
   if (!(character.bounds.w > 0.0F))
     return bad("bounds have radius ", character.bounds.w, " m, must be over 0");
+  if (!(character.gait_bounds.w > 0.0F))
+    return bad("gait bounds have radius ", character.gait_bounds.w, " m, must be over 0");
   if (!(character.height_m > 0.0F && is_coordinate(character.height_m))) {
     return bad("height is ", character.height_m, " m, must be over 0 and finite");
   }
@@ -380,6 +384,7 @@ Character view_of(const std::shared_ptr<const CharacterData>& data) {
   character.clips = data->clips;
   character.palette = data->palette;
   character.bounds = data->bounds;
+  character.gait_bounds = data->gait_bounds.w > 0.0F ? data->gait_bounds : data->bounds;
   character.height_m = data->height_m;
   character.base_color = {data->base_color_width_px, data->base_color_height_px,
                           data->base_color_levels, data->base_color};

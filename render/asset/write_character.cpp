@@ -111,6 +111,7 @@ absl::Status write_character(const Character& character, const std::string& path
   info.tint_mask_height_px = character.tint_mask.height_px;
   info.tint_mask_levels = character.tint_mask.level_count;
   for (int i = 0; i < 4; ++i) info.bounds[i] = character.bounds[i];
+  for (int i = 0; i < 4; ++i) info.gait_bounds[i] = character.gait_bounds[i];
   info.height_m = character.height_m;
   info.point_count = character.points.count();
 

@@ -14,7 +14,9 @@ inline element::SnapshotColumns columns_of(const Snapshot& snapshot, int channel
   columns.velocity_mps = snapshot.velocity_mps.data();
   columns.heading_rad = snapshot.heading_rad.data();
   columns.speed_mps = snapshot.speed_mps.data();
+  columns.turn_radps = snapshot.turn_radps.data();
   columns.walked_cycles = snapshot.walked_cycles.data();
+  if (!snapshot.motion.empty()) columns.motion = snapshot.motion.data();
   if (const std::vector<float>* values = snapshot.channel(channel)) {
     columns.channel = values->data();
   }

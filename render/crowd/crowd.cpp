@@ -10,7 +10,7 @@
 #include "render/compute/element/angle.hpp"
 #include "render/compute/element/instance.hpp"
 #include "render/crowd/derive.hpp"
-#include "render/crowd/gait_of.hpp"
+#include "render/crowd/motion_graph.hpp"
 #include "render/crowd/packed.hpp"
 
 namespace throng::render {
@@ -24,6 +24,7 @@ constexpr std::size_t kPackBytes = 4U << 20;
 constexpr std::size_t kMostPacked = 32;
 constexpr std::size_t kMostUnpacked = 4;
 constexpr std::size_t kMostAgents = 1U << 24;
+constexpr std::size_t kLongestMotionName = 64;
 
 // Velocity is averaged over about this long, so that the noise of a dense recording turns nobody;
 // samples farther apart than this are taken as they are.
@@ -37,15 +38,20 @@ constexpr float kWayMostS = 1.5F;
 constexpr float kTurnFromMps = 0.04F;
 constexpr float kTurnFullMps = 0.15F;
 constexpr float kFastestTurnRadps = 4.5F;
+// A heading that is given may turn faster, but nobody turns round between two frames.
+constexpr float kFastestGivenTurnRadps = 9.0F;
+// The rate of turning is averaged over about this long.
+constexpr float kTurnSmoothingS = 0.2F;
 // A heading that the producer gives may point against the motion: such an agent walks backwards.
 constexpr float kBackwardsCosine = -0.5F;
 
 std::size_t size_bytes(const Snapshot& snapshot) {
   const std::size_t slots = snapshot.present.size();
   std::size_t bytes = sizeof(Snapshot) + slots * (sizeof(std::uint8_t) + 2 * sizeof(glm::vec3) +
-                                                  2 * sizeof(float) + sizeof(double));
+                                                  3 * sizeof(float) + sizeof(double));
   for (const std::vector<float>& channel : snapshot.channels)
     bytes += channel.size() * sizeof(float);
+  bytes += snapshot.motion.size() * sizeof(std::uint32_t);
   return bytes;
 }
 
@@ -98,6 +104,24 @@ absl::Status Crowd::Derive::check(const Crowd& crowd, const AgentFrame& frame) {
       return wrong_length(absl::StrCat("channel '", crowd.settings_.channel_names[i], "'").c_str(),
                           frame.channels[i].size(), agents);
     }
+  }
+  if (!frame.motion.empty() && frame.motion.size() != agents) {
+    return wrong_length("motion", frame.motion.size(), agents);
+  }
+  if (frame.motion_names.size() > kMostMotionNames) {
+    return absl::InvalidArgumentError(absl::StrCat("push: ", frame.motion_names.size(),
+                                                   " motion_names, at most ", kMostMotionNames));
+  }
+  for (const std::string& name : frame.motion_names) {
+    if (name.size() <= kLongestMotionName) continue;
+    return absl::InvalidArgumentError(absl::StrCat("push: a motion's name has ", name.size(),
+                                                   " bytes, at most ", kLongestMotionName));
+  }
+  for (std::size_t c = 0; c < frame.motion.size(); ++c) {
+    if (frame.motion[c] <= frame.motion_names.size()) continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat("push: motion[", c, "] (id ", membership.ids[c], ") is ", int{frame.motion[c]},
+                     ", must be at most ", frame.motion_names.size()));
   }
   if (agents > 0 && crowd.cast_->members.empty()) {
     return absl::InvalidArgumentError("push: the cast has no characters");
@@ -155,6 +179,7 @@ std::shared_ptr<const Snapshot> Crowd::Derive::snapshot(Crowd& crowd, const Agen
   result->velocity_mps.resize(slots);
   result->heading_rad.resize(slots);
   result->speed_mps.resize(slots);
+  result->turn_radps.resize(slots);
   result->walked_cycles.resize(slots);
   for (const std::vector<float>& channel : frame.channels) {
     std::vector<float>& column =
@@ -162,6 +187,7 @@ std::shared_ptr<const Snapshot> Crowd::Derive::snapshot(Crowd& crowd, const Agen
     for (std::size_t c = 0; c < agents; ++c) column[crowd.slot_of_column_[c]] = channel[c];
   }
 
+  result->motion = motion(crowd, frame, *roster, before);
   std::vector<element::Gait> gaits;
   for (const CastMember& member : crowd.cast_->members) gaits.push_back(gait_of(member.character));
   const float interval_s =
@@ -230,6 +256,14 @@ std::shared_ptr<const Snapshot> Crowd::Derive::snapshot(Crowd& crowd, const Agen
                   ? glm::vec2(velocity_mps)
                   : way_mps + std::min(1.0F, interval_s / way_s) * (glm::vec2(raw_mps) - way_mps);
     float heading_rad = wrapped_rad;
+    if (is_given && before->heading_rad[slot] == before->heading_rad[slot]) {
+      const float most_rad = kFastestGivenTurnRadps * interval_s;
+      const float turn_rad = element::wrap_angle(wrapped_rad - heading_before_rad);
+      if (std::fabs(turn_rad) > most_rad) {
+        heading_rad =
+            element::wrap_angle(heading_before_rad + std::clamp(turn_rad, -most_rad, most_rad));
+      }
+    }
     if (!is_given) {
       // float64: the last bit of atan2 differs between libraries, and rarely survives rounding
       const float motion_rad = static_cast<float>(
@@ -246,17 +280,28 @@ std::shared_ptr<const Snapshot> Crowd::Derive::snapshot(Crowd& crowd, const Agen
       }
     }
     result->heading_rad[slot] = heading_rad;
+    const float turned_rad = before->heading_rad[slot] == before->heading_rad[slot]
+                                 ? element::wrap_angle(heading_rad - heading_before_rad)
+                                 : 0.0F;
+    const float turn_before_radps = before->turn_radps[slot];
+    const float turn_radps = turn_before_radps + std::min(1.0F, interval_s / kTurnSmoothingS) *
+                                                     (turned_rad / interval_s - turn_before_radps);
+    result->turn_radps[slot] = turn_radps;
 
     // steps: the way along the smoothed motion, so that the noise of a standing agent walks nowhere
     double cycles = before->walked_cycles[slot];
+    const element::Gait& gait = gaits[roster->character[slot]];
+    const float middle_mps =
+        is_first_motion ? speed_mps : 0.5F * (before->speed_mps[slot] + speed_mps);
+    const element::GaitWeights weights = element::gait_weights(gait, seed, middle_mps);
+    // who stands steps round; who walks has its feet turned by the walk
+    cycles += static_cast<double>(
+        weights.idle * weights.idle *
+        element::turn_cycles(gait, turned_rad, 0.5F * (turn_before_radps + turn_radps)));
     if (speed_mps > 0.0F) {
       const float along_m =
           std::max(0.0F, (step_m.x * velocity_mps.x + step_m.y * velocity_mps.y) / speed_mps);
-      const element::Gait& gait = gaits[roster->character[slot]];
-      const float middle_mps =
-          is_first_motion ? speed_mps : 0.5F * (before->speed_mps[slot] + speed_mps);
-      const float stride_m = roster->scale[slot] *
-                             element::stride_m(gait, element::gait_weights(gait, seed, middle_mps));
+      const float stride_m = roster->scale[slot] * element::stride_m(gait, weights);
       bool is_backwards = false;
       if (is_given) {
         const element::SinCos facing = element::sin_cos(heading_rad);
@@ -277,7 +322,9 @@ std::shared_ptr<const Snapshot> Crowd::Derive::snapshot(Crowd& crowd, const Agen
 }
 
 Crowd::Crowd(std::shared_ptr<const Cast> cast, CrowdSettings settings)
-    : cast_(std::move(cast)), settings_(std::move(settings)) {}
+    : cast_(std::move(cast)),
+      settings_(std::move(settings)),
+      motions_(std::make_unique<MotionGraph>(motion_graph_of(*cast_))) {}
 
 Crowd::~Crowd() = default;
 
@@ -435,6 +482,11 @@ CrowdCounters Crowd::counters() const {
   return counters_;
 }
 
+std::vector<std::string> Crowd::take_unknown_motions() {
+  const std::lock_guard push_lock(push_mutex_);
+  return std::exchange(unknown_motions_, {});
+}
+
 void Crowd::set_environment(std::shared_ptr<const Environment> environment) {
   const std::lock_guard lock(mutex_);
   environment_.swap(environment);
@@ -459,6 +511,7 @@ void Crowd::reset() {
   free_slots_.clear();
   moved_.clear();
   way_mps_.clear();
+  motion_since_us_.clear();
 }
 
 }  // namespace throng::render

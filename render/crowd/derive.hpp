@@ -20,6 +20,10 @@ struct Crowd::Derive {
   static absl::Status apply_membership(Crowd& crowd, std::shared_ptr<const Membership> membership,
                                        std::shared_ptr<const Roster>& roster);
 
+  /// What agents do in the new snapshot, by slot; empty while nobody was told anything.
+  static std::vector<std::uint32_t> motion(Crowd& crowd, const AgentFrame& frame,
+                                           const Roster& roster, const Snapshot* before);
+
   /// The new snapshot; `before` is the newest one or null.
   static std::shared_ptr<const Snapshot> snapshot(Crowd& crowd, const AgentFrame& frame,
                                                   std::shared_ptr<const Roster> roster,

@@ -134,9 +134,10 @@ std::int32_t rounded(double value) {
 }
 
 /// The columns in the order in which they are packed: position x y z, velocity x y z, heading,
-/// walked cycles.
-constexpr int kColumns = 8;
-constexpr bool kSecondOrder[kColumns] = {true, true, true, false, false, false, false, true};
+/// walked cycles, turning rate.
+constexpr int kColumns = 9;
+constexpr bool kSecondOrder[kColumns] = {true, true, true, false, false, false, false, true, false};
+constexpr double kTurnStepRadps = 1e-2;
 
 struct Steps {
   double position_m = 1e-3;
@@ -152,6 +153,7 @@ std::int32_t quantized(const Snapshot& snapshot, std::size_t slot, int column, c
     const double turns = heading / (2.0 * kPi) + 0.5;
     return rounded((turns - std::floor(turns)) * kHeadingSteps) % kHeadingSteps;
   }
+  if (column == 8) return rounded(snapshot.turn_radps[slot] / kTurnStepRadps);
   return rounded((snapshot.walked_cycles[slot] - steps.first_cycle) / kCycleStep);
 }
 
@@ -166,6 +168,8 @@ void restore(Snapshot& snapshot, std::size_t slot, int column, std::int32_t valu
         value == kHeadingUnknown
             ? std::numeric_limits<float>::quiet_NaN()
             : static_cast<float>((static_cast<double>(value) / kHeadingSteps - 0.5) * 2.0 * kPi);
+  } else if (column == 8) {
+    snapshot.turn_radps[slot] = static_cast<float>(value * kTurnStepRadps);
   } else {
     snapshot.walked_cycles[slot] = steps.first_cycle + value * kCycleStep;
   }
@@ -202,11 +206,13 @@ struct RosterWords {
 PackedSnapshots pack(std::span<const std::shared_ptr<const Snapshot>> snapshots) {
   assert(!snapshots.empty());
   std::size_t slots = 0, channels = 0;
+  bool has_motion = false;
   double farthest_m = 0.0;
   Steps steps;
   for (const auto& snapshot : snapshots) {
     slots = std::max(slots, snapshot->present.size());
     channels = std::max(channels, snapshot->channels.size());
+    has_motion = has_motion || !snapshot->motion.empty();
     for (int axis = 0; axis < 3; ++axis) {
       farthest_m = std::max({farthest_m, std::abs(static_cast<double>(snapshot->low_m[axis])),
                              std::abs(static_cast<double>(snapshot->high_m[axis]))});
@@ -224,6 +230,7 @@ PackedSnapshots pack(std::span<const std::shared_ptr<const Snapshot>> snapshots)
   out.value(static_cast<std::uint32_t>(snapshots.size()));
   out.value(static_cast<std::uint32_t>(slots));
   out.value(static_cast<std::uint32_t>(channels));
+  out.value(static_cast<std::uint8_t>(has_motion));
   out.value(steps);
   const Roster* roster = nullptr;
   RosterWords before(slots);
@@ -231,6 +238,7 @@ PackedSnapshots pack(std::span<const std::shared_ptr<const Snapshot>> snapshots)
     out.value(snapshot->time_us);
     out.value(static_cast<std::uint32_t>(snapshot->present.size()));
     out.value(static_cast<std::uint32_t>(snapshot->channels.size()));
+    out.value(static_cast<std::uint8_t>(!snapshot->motion.empty()));
     const bool is_new = snapshot->roster.get() != roster;
     out.value(static_cast<std::uint8_t>(is_new));
     if (!is_new) continue;
@@ -278,6 +286,15 @@ PackedSnapshots pack(std::span<const std::shared_ptr<const Snapshot>> snapshots)
       return changed;
     });
   }
+  if (has_motion) {
+    std::fill(bits.begin(), bits.end(), 0U);
+    each([&](const Snapshot& snapshot, std::size_t slot) {
+      const std::uint32_t now = slot < snapshot.motion.size() ? snapshot.motion[slot] : 0U;
+      const std::uint32_t changed = now ^ bits[slot];
+      bits[slot] = now;
+      return changed;
+    });
+  }
   return {snapshots.front()->time_us, snapshots.back()->time_us, snapshots.size(), out.finish()};
 }
 
@@ -286,6 +303,7 @@ std::vector<std::shared_ptr<const Snapshot>> unpack(const PackedSnapshots& packe
   const auto frames = in.value<std::uint32_t>();
   const auto slots = in.value<std::uint32_t>();
   const auto channels = in.value<std::uint32_t>();
+  const bool has_motion = in.value<std::uint8_t>() != 0;
   const auto steps = in.value<Steps>();
   std::vector<std::shared_ptr<Snapshot>> snapshots;
   RosterWords roster_words(slots);
@@ -296,6 +314,7 @@ std::vector<std::shared_ptr<const Snapshot>> unpack(const PackedSnapshots& packe
     snapshot->time_us = in.value<std::int64_t>();
     const auto count = in.value<std::uint32_t>();
     const auto with_channels = in.value<std::uint32_t>();
+    const bool with_motion = in.value<std::uint8_t>() != 0;
     if (in.value<std::uint8_t>() != 0) {
       in.words(changed);
       for (std::size_t i = 0; i < changed.size(); ++i) roster_words.words[i] ^= changed[i];
@@ -307,8 +326,10 @@ std::vector<std::shared_ptr<const Snapshot>> unpack(const PackedSnapshots& packe
     snapshot->velocity_mps.resize(count);
     snapshot->heading_rad.resize(count);
     snapshot->speed_mps.resize(count);
+    snapshot->turn_radps.resize(count);
     snapshot->walked_cycles.resize(count);
     snapshot->channels.assign(with_channels, std::vector<float>(count));
+    if (with_motion) snapshot->motion.resize(count);
     snapshots.push_back(std::move(snapshot));
   }
 
@@ -340,6 +361,13 @@ std::vector<std::shared_ptr<const Snapshot>> unpack(const PackedSnapshots& packe
       if (channel >= snapshot.channels.size()) return;
       bits[slot] ^= word;
       snapshot.channels[channel][slot] = float_of(bits[slot]);
+    });
+  }
+  if (has_motion) {
+    std::fill(bits.begin(), bits.end(), 0U);
+    each([&](Snapshot& snapshot, std::size_t slot, std::uint32_t word) {
+      bits[slot] ^= word;
+      if (slot < snapshot.motion.size()) snapshot.motion[slot] = bits[slot];
     });
   }
 

@@ -16,7 +16,8 @@ namespace throng::render {
 ///
 /// What comes back differs from what went in by at most half a step: position 1 mm (more beyond
 /// 2,000 km from the origin, where float32 has no millimetres), velocity 1 mm/s, heading 0.1 mrad,
-/// walked cycles 1/4096; speed is that of the velocity. Rosters and channels come back exactly.
+/// walked cycles 1/4096, turning 5 mrad/s; speed is that of the velocity. Rosters, channels and
+/// motions come back exactly.
 struct PackedSnapshots {
   std::int64_t first_time_us = 0;
   std::int64_t last_time_us = 0;

@@ -7,7 +7,7 @@
 #include "render/compute/element/octahedral.hpp"
 #include "render/compute/element/visible.hpp"
 #include "render/compute/snapshot_columns.hpp"
-#include "render/crowd/gait_of.hpp"
+#include "render/crowd/motion_graph.hpp"
 #include "render/density/samples.hpp"
 #include "render/raster/element/color.hpp"
 #include "throng/render/density.hpp"

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "render/crowd/gait_of.hpp"
+#include "render/crowd/motion_graph.hpp"
 #include "render/density/samples.hpp"
 #include "render/raster/element/color.hpp"
 #include "throng/render/density.hpp"

@@ -1,5 +1,6 @@
 #include "server/batch/job.hpp"
 
+#include <absl/strings/escaping.h>
 #include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
@@ -162,6 +163,8 @@ class Feed {
     }
     agents.heading_rad = frame_.heading_rad;
     agents.channels = frame_.channels;
+    agents.motion = frame_.motion;
+    if (!frame_.motion.empty()) agents.motion_names = reader_->info().motion_names;
     pushed_us_ = frame_.time_us;
     return crowd_.push(std::move(agents));
   }
@@ -511,6 +514,10 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
     outcome.error = failed.size() == 1
                         ? failed[0]
                         : absl::StrCat(failed[0], " (and ", failed.size() - 1, " more)");
+  }
+  for (const std::string& name : crowd.take_unknown_motions()) {
+    outcome.notes.push_back(absl::StrCat("nobody in the cast has a clip for motion '",
+                                         absl::CEscape(name), "'; such agents go by their speed"));
   }
   return outcome;
 }

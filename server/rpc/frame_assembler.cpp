@@ -228,6 +228,28 @@ absl::Status FrameAssembler::copy_rows(const v1::AgentChunk& chunk, std::uint32_
     }
     if (count > 0) std::memcpy(frame_.channels[i].data() + first, column.data(), column_bytes);
   }
+  return copy_motions(chunk, first, count);
+}
+
+absl::Status FrameAssembler::copy_motions(const v1::AgentChunk& chunk, std::uint32_t first,
+                                          std::uint32_t count) {
+  if (chunk.motions().empty()) return absl::OkStatus();
+  if (chunk.motions().size() != count) {
+    return wrong_length("chunk.motions", chunk.motions().size(), count);
+  }
+  if (static_cast<std::size_t>(chunk.motion_names_size()) > render::kMostMotionNames) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "chunk.motion_names: ", chunk.motion_names_size(), ", at most ", render::kMostMotionNames));
+  }
+  if (frame_.motion.empty()) {
+    frame_.motion.assign(frame_.membership->ids.size(), 0);
+    frame_.motion_names.assign(chunk.motion_names().begin(), chunk.motion_names().end());
+  } else if (!std::equal(frame_.motion_names.begin(), frame_.motion_names.end(),
+                         chunk.motion_names().begin(), chunk.motion_names().end())) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "chunk.motion_names: not those of the chunks before of frame ", newest_index_));
+  }
+  std::memcpy(frame_.motion.data() + first, chunk.motions().data(), count);
   return absl::OkStatus();
 }
 

@@ -52,6 +52,7 @@ class FrameAssembler {
 
  private:
   absl::Status copy_rows(const v1::AgentChunk& chunk, std::uint32_t first, std::uint32_t count);
+  absl::Status copy_motions(const v1::AgentChunk& chunk, std::uint32_t first, std::uint32_t count);
   absl::Status cover(std::uint32_t first, std::uint32_t count);
 
   const std::uint32_t max_agents_;

@@ -1,5 +1,6 @@
 #include "server/scene/registry.hpp"
 
+#include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
@@ -170,6 +171,11 @@ absl::StatusOr<PushOutcome> Publication::push(const render::AgentFrame& frame) {
   const bool late = newest != nullptr && time_us <= newest->time_us;
   if (absl::Status status = crowd->push(frame); !status.ok()) return status;
   if (late) return PushOutcome::kLate;
+  for (const std::string& name : crowd->take_unknown_motions()) {
+    // a producer's words: nothing of them may look like a line of the log
+    spdlog::warn("event=unknown_motion crowd={} motion=\"{}\" instead=by_speed", crowd_->name_,
+                 absl::CEscape(name));
+  }
   if (recording != nullptr) recording->write(frame);
   const std::lock_guard lock(crowd_->mutex_);
   if (crowd_->owner_ == id_) crowd_->clock_.on_frame(time_us, now_());

@@ -40,6 +40,23 @@ glm::vec4 bounds_of(const Surface& surface, std::span<const render::Affine> pale
   return {centre, radius_m * 1.004F + 1.0e-4F};
 }
 
+/// The frames of idle, walk and run; all where a character has none of them. Levels of detail are
+/// made for what agents do most: a clip for the few must not cost the many.
+std::vector<render::Affine> usual_frames(const BakedClips& clips, std::size_t joints) {
+  std::vector<render::Affine> usual;
+  for (const render::Clip& clip : clips.clips) {
+    if (clip.kind != render::ClipKind::kIdle && clip.kind != render::ClipKind::kWalk &&
+        clip.kind != render::ClipKind::kRun) {
+      continue;
+    }
+    const auto first =
+        clips.palette.begin() + static_cast<std::ptrdiff_t>(clip.first_frame * joints);
+    usual.insert(usual.end(), first,
+                 first + static_cast<std::ptrdiff_t>(clip.frame_count * joints));
+  }
+  return usual.empty() ? clips.palette : usual;
+}
+
 void fill_mesh(const Surface& surface, const CollapseOrder& order, render::CharacterData& data) {
   const std::uint32_t vertices = surface.wedge_count();
   for (const std::uint32_t wedge : order.wedge) {
@@ -112,10 +129,11 @@ absl::StatusOr<BakeResult> bake(const SourceCharacter& original, const BakeOptio
   const auto joints = static_cast<std::uint32_t>(source.joints.size());
   const bool is_peng = options.criterion == Criterion::kPeng2011;
   const std::uint32_t max_poses = options.bind_pose_only ? 1 : options.max_poses;
+  const std::vector<render::Affine> usual = usual_frames(*clips, joints);
   const PoseSet poses = is_peng && !options.bind_pose_only
-                            ? all_poses(*surface, clips->palette, joints)
-                            : sample_poses(*surface, clips->palette, joints, max_poses);
-  const std::size_t frames = clips->palette.size() / joints;
+                            ? all_poses(*surface, usual, joints)
+                            : sample_poses(*surface, usual, joints, max_poses);
+  const std::size_t frames = usual.size() / joints;
   if (is_peng && poses.count - 1 < frames) {
     result.notes.push_back(absl::StrCat("cost averaged over ", poses.count - 1, " of ", frames,
                                         " frames, evenly spaced: all would need over 1 GiB"));
@@ -136,6 +154,7 @@ absl::StatusOr<BakeResult> bake(const SourceCharacter& original, const BakeOptio
     data.joints.push_back({joint.name, joint.parent, {{rows[0], rows[1], rows[2]}}});
   }
   data.bounds = bounds_of(*surface, clips->palette, joints);
+  data.gait_bounds = bounds_of(*surface, usual, joints);
   data.clips = std::move(clips->clips);
   data.palette = std::move(clips->palette);
   for (const SourcePoint& point : surface->points)

@@ -1,5 +1,6 @@
 #include "simplify/bake/inspect.hpp"
 
+#include <absl/strings/ascii.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 
@@ -16,24 +17,10 @@
 namespace throng::simplify {
 namespace {
 
-using render::ClipKind;
-
-const char* name_of(ClipKind kind) {
-  switch (kind) {
-    case ClipKind::kOther:
-      return "other";
-    case ClipKind::kIdle:
-      return "idle";
-    case ClipKind::kWalk:
-      return "walk";
-    case ClipKind::kRun:
-      return "run";
-    case ClipKind::kSit:
-      return "sit";
-    case ClipKind::kCheer:
-      return "cheer";
-  }
-  return "unknown";
+/// What a clip is asked for by: its kind, or its own name where it has none.
+std::string role_of(const render::Clip& clip) {
+  return clip.kind == render::ClipKind::kOther ? absl::AsciiStrToLower(clip.name)
+                                               : name_of(clip.kind);
 }
 
 struct Level {
@@ -156,10 +143,10 @@ std::string inspect_text(const render::Character& character, std::uint64_t file_
     absl::StrAppendFormat(&text, "  %-9s  %8u  %9u  %.1f mm\n", level.name, level.vertices,
                           level.triangles, 1000.0F * level.error_m);
   }
-  text += "  clip                          kind   frames  rate   stride  speed\n";
+  text += "  clip                          role        frames  rate   stride  speed\n";
   for (const render::Clip& clip : character.clips) {
-    absl::StrAppendFormat(&text, "  %-28s  %-5s  %6u  %2.0f Hz  %4.2f m  %4.2f m/s%s\n", clip.name,
-                          name_of(clip.kind), clip.frame_count, clip.rate_hz, clip.stride_m,
+    absl::StrAppendFormat(&text, "  %-28s  %-10s  %6u  %2.0f Hz  %4.2f m  %4.2f m/s%s\n", clip.name,
+                          role_of(clip), clip.frame_count, clip.rate_hz, clip.stride_m,
                           clip.speed_mps, clip.loop ? "" : "  once");
   }
   return text;
@@ -216,6 +203,7 @@ std::string inspect_json(const render::Character& character, std::uint64_t file_
   for (const render::Clip& clip : character.clips) {
     json["clips"].push_back({{"name", clip.name},
                              {"kind", name_of(clip.kind)},
+                             {"role", role_of(clip)},
                              {"frames", clip.frame_count},
                              {"rate_hz", clip.rate_hz},
                              {"loop", clip.loop},

@@ -11,6 +11,7 @@ namespace {
 constexpr float kPi = 3.14159265F;
 constexpr float kDegree = kPi / 180.0F;
 constexpr float kRate = 30.0F;
+constexpr float kTurnCycleRad = 0.5F * kPi;
 
 float smooth_step(float from, float to, float x) {
   const float t = std::clamp((x - from) / (to - from), 0.0F, 1.0F);
@@ -248,6 +249,7 @@ class Pose {
   }
 
   glm::vec3 root_offset{0.0F};
+  float skirt_behind_rad = -0.03F;  // how far a skirt stands off behind, at least
 
   void solve(std::vector<glm::vec3>& position, std::vector<glm::quat>& rotation) const {
     position.resize(rig_.joints.size());
@@ -310,33 +312,157 @@ class Animator {
   }
 
   simplify::SourceClip idle() {
-    simplify::SourceClip clip = start("idle", render::ClipKind::kIdle, 102);
-    for (std::uint32_t frame = 0; frame < clip.frame_count; ++frame) {
-      const float t = static_cast<float>(frame) / static_cast<float>(clip.frame_count);
-      const float wave = std::sin(2.0F * kPi * t), breath = std::sin(4.0F * kPi * t);
-      Pose pose(rig_);
-      const float sway = 0.022F * figure_.calm * (leg_.thigh_m + leg_.shin_m) / kUnit;
-      pose.root_offset = {-0.006F, sway * wave, -0.0025F - 0.003F * wave * wave};
-      const float roll = -2.2F * wave * figure_.calm;
-      const glm::quat pelvis = about_x(roll) * about_z(1.5F * wave);
-      pose.rotate(joint("hips"), pelvis);
+    simplify::SourceClip clip = start("idle", render::ClipKind::kIdle, 102, kRate);
+    each_frame(clip, [&](Pose& pose, float t) { stand(pose, t); });
+    return clip;
+  }
+
+  /// On a seat whose top is 0.45 m above the ground. The feet stand where the character stands, the
+  /// pelvis is behind them, so that who sits down does not move its feet.
+  simplify::SourceClip sit() {
+    simplify::SourceClip clip = start("sit", render::ClipKind::kSit, 60, 12.0F);
+    const float size = (leg_.thigh_m + leg_.shin_m) / kUnit;
+    each_frame(clip, [&](Pose& pose, float t) {
+      const float wave = std::sin(2.0F * kPi * t), breath = std::sin(6.0F * kPi * t);
+      pose.skirt_behind_rad = 0.5F;  // it lies on the seat
+      const float seat_m = 0.45F + 0.085F * size * figure_.thigh;
+      pose.root_offset = {-0.96F * leg_.thigh_m - at(thigh_[0]).x, 0.006F * wave,
+                          seat_m - at(thigh_[0]).z};
+      pose.rotate(joint("hips"), about_y(-9.0F) * about_z(1.0F * wave));
       const float stoop = posture();
-      pose.rotate(joint("spine1"), about_x(-roll * 0.6F) * about_y(0.5F + stoop * 0.25F));
-      pose.rotate(joint("spine2"), about_x(-roll * 0.5F) * about_y(stoop * 0.35F));
-      pose.rotate(joint("spine3"), about_y(-0.8F * breath + stoop * 0.4F));
-      pose.rotate(joint("neck"), about_y(0.4F * breath - stoop * 0.3F));
-      const float look = std::sin(2.0F * kPi * t - 0.6F) + 0.35F * std::sin(6.0F * kPi * t);
-      pose.rotate(joint("head"),
-                  about_z(7.0F * look * figure_.calm) * about_y(1.0F * breath - stoop * 0.5F));
+      pose.rotate(joint("spine1"), about_y(7.0F + stoop * 0.2F));
+      pose.rotate(joint("spine2"), about_y(6.0F + stoop * 0.2F));
+      pose.rotate(joint("spine3"), about_y(3.0F - 0.8F * breath + stoop * 0.2F));
+      look_around(pose, t, 12.0F);
       for (int side = 0; side < 2; ++side) {
         const float s = side == 0 ? 1.0F : -1.0F;
-        arm(pose, side, 2.0F + 1.5F * wave * s, 11.0F + 3.0F * s * wave, -0.9F * breath);
         glm::vec3 ankle = at(foot_[side]);
-        ankle.y += s * 0.004F;
-        place_leg(pose, side, ankle, 0.0F, 0.0F, s * 6.0F);
+        ankle.y += s * 0.02F;
+        place_leg(pose, side, ankle, 0.0F, 0.0F, s * 10.0F);
       }
-      finish(clip, frame, pose);
-    }
+      std::vector<glm::vec3> position;
+      std::vector<glm::quat> rotation;
+      pose.solve(position, rotation);
+      for (int side = 0; side < 2; ++side) {
+        // the hands lie on the thighs, before the knees
+        const glm::vec3 hip = position[thigh_[side]], knee = position[shin_[side]];
+        glm::vec3 hand = glm::mix(hip, knee, 0.66F);
+        hand.z += 0.115F * size;
+        reach_arm(pose, side, hand, {-0.5F, 0.7F, -0.6F}, 12.0F);
+      }
+    });
+    return clip;
+  }
+
+  /// Arms up, weight from toe to heel without leaving the ground.
+  simplify::SourceClip cheer() {
+    simplify::SourceClip clip = start("cheer", render::ClipKind::kCheer, 36, 20.0F);
+    each_frame(clip, [&](Pose& pose, float t) {
+      const float angle = 2.0F * kPi * t;
+      stand(pose, t, 0.045F * (0.5F - 0.5F * std::cos(2.0F * angle)));
+      pose.rotate(joint("spine3"), about_y(-6.0F) * about_z(4.0F * std::sin(angle)));
+      pose.rotate(joint("head"), about_y(-9.0F) * about_z(-4.0F * std::sin(angle)));
+      const float arm_m = arm_length();
+      for (int side = 0; side < 2; ++side) {
+        const float own = 2.0F * angle + (side == 0 ? 0.0F : 1.1F);
+        const glm::vec3 to{(0.16F + 0.10F * std::sin(own)) * arm_m, 0.30F * arm_m,
+                           (0.80F + 0.12F * std::cos(own)) * arm_m};
+        reach_from_shoulder(pose, side, to, {-0.2F, 1.0F, -0.2F}, 34.0F);
+      }
+    });
+    return clip;
+  }
+
+  simplify::SourceClip wave() {
+    simplify::SourceClip clip = start("wave", render::ClipKind::kWave, 45, 15.0F);
+    each_frame(clip, [&](Pose& pose, float t) {
+      const float angle = 2.0F * kPi * t;
+      stand(pose, t);
+      const float arm_m = arm_length();
+      const float swing = std::sin(4.0F * angle);
+      reach_from_shoulder(
+          pose, 1,
+          {0.30F * arm_m, (0.34F + 0.22F * swing) * arm_m, (0.62F - 0.04F * swing * swing) * arm_m},
+          {-0.1F, 1.0F, -0.9F}, 4.0F);
+      pose.rotate(joint("head"), about_z(-8.0F + 3.0F * std::sin(angle)) * about_x(-3.0F));
+    });
+    return clip;
+  }
+
+  /// Both hands speak, one more than the other.
+  simplify::SourceClip talk() {
+    simplify::SourceClip clip = start("talk", render::ClipKind::kTalk, 72, 12.0F);
+    each_frame(clip, [&](Pose& pose, float t) {
+      const float angle = 2.0F * kPi * t;
+      stand(pose, t);
+      const float arm_m = arm_length();
+      for (int side = 0; side < 2; ++side) {
+        const float own = angle + (side == 0 ? 0.0F : 2.2F);
+        // a beat now and then, not all the time
+        const float beat = 0.5F + 0.5F * std::sin(own);
+        const float up = 0.10F * beat * std::sin(5.0F * angle + (side == 0 ? 0.0F : 0.8F));
+        const float out = 0.08F * std::sin(3.0F * own);
+        const float lift = side == 0 ? 0.08F * std::sin(own) : 0.16F * std::sin(own);
+        reach_from_shoulder(
+            pose, side,
+            {(0.56F + 0.08F * beat) * arm_m, (0.02F + out) * arm_m, (-0.50F + up + lift) * arm_m},
+            {-0.6F, 0.6F, -1.0F}, 16.0F);
+      }
+      pose.rotate(joint("head"), about_z(6.0F * std::sin(angle - 0.6F)) *
+                                     about_y(3.0F * std::sin(4.0F * angle) + 1.0F));
+    });
+    return clip;
+  }
+
+  /// Looks at something in the right hand.
+  simplify::SourceClip phone() {
+    simplify::SourceClip clip = start("phone", render::ClipKind::kPhone, 40, 8.0F);
+    each_frame(clip, [&](Pose& pose, float t) {
+      const float angle = 2.0F * kPi * t;
+      stand(pose, t);
+      const float stoop = posture();
+      pose.rotate(joint("spine3"), about_y(5.0F + stoop * 0.4F));
+      pose.rotate(joint("neck"), about_y(12.0F - stoop * 0.3F));
+      pose.rotate(joint("head"), about_y(17.0F + 1.5F * std::sin(2.0F * angle) - stoop * 0.4F) *
+                                     about_z(-4.0F + std::sin(angle)));
+      const float arm_m = arm_length();
+      reach_from_shoulder(
+          pose, 1, {0.52F * arm_m, -0.16F * arm_m, (-0.28F + 0.01F * std::sin(angle)) * arm_m},
+          {-0.5F, 0.5F, -1.0F}, 30.0F);
+    });
+    return clip;
+  }
+
+  /// Steps on the spot that turn to the left by `kTurnCycleRad` in a cycle: the foot on the ground
+  /// turns back under the body just as far. Played backwards it turns to the right.
+  simplify::SourceClip turn() {
+    simplify::SourceClip clip = start("turn", render::ClipKind::kOther, 24, 20.0F);
+    clip.stride_m = kTurnCycleRad;
+    constexpr float kStance = 0.62F;  // share of the cycle that a foot is on the ground
+    each_frame(clip, [&](Pose& pose, float t) {
+      const float angle = 2.0F * kPi * t;
+      const float size = (leg_.thigh_m + leg_.shin_m) / kUnit;
+      stand(pose, 0.0F, 0.012F * size);
+      // over the foot that stands
+      pose.root_offset.y = 0.035F * size * std::cos(angle - kPi * kStance);
+      pose.rotate(joint("head"), about_z(8.0F));
+      for (int side = 0; side < 2; ++side) {
+        const float s = side == 0 ? 1.0F : -1.0F;
+        float own = t + (side == 0 ? 0.0F : 0.5F);
+        own -= std::floor(own);
+        const float half_rad = 0.5F * kStance * kTurnCycleRad;
+        float yaw_rad = half_rad - own * kTurnCycleRad, up_m = 0.0F;
+        if (own > kStance) {
+          const float swing = (own - kStance) / (1.0F - kStance);
+          yaw_rad = half_rad * (2.0F * smooth_step(0.0F, 1.0F, swing) - 1.0F);
+          up_m = 0.055F * size * std::sin(kPi * swing);
+        }
+        const float c = std::cos(yaw_rad), r = std::sin(yaw_rad);
+        const glm::vec3 rest = at(foot_[side]);
+        place_leg(pose, side, {rest.x * c - rest.y * r, rest.x * r + rest.y * c, rest.z + up_m},
+                  0.0F, 0.0F, yaw_rad / kDegree + s * 4.0F);
+      }
+    });
     return clip;
   }
 
@@ -345,11 +471,105 @@ class Animator {
   int joint(const char* name) const { return rig_.find(name); }
   float posture() const { return figure_.age > 0.6F ? 26.0F * (figure_.age - 0.5F) : 0.0F; }
 
-  simplify::SourceClip start(const char* name, render::ClipKind kind, std::uint32_t frames) const {
+  /// Calls `fill` with each frame's pose and its time in cycles.
+  template <typename Fill>
+  void each_frame(simplify::SourceClip& clip, const Fill& fill) const {
+    for (std::uint32_t frame = 0; frame < clip.frame_count; ++frame) {
+      Pose pose(rig_);
+      fill(pose, static_cast<float>(frame) / static_cast<float>(clip.frame_count));
+      finish(clip, frame, pose);
+    }
+  }
+
+  /// Standing at ease: sways once a cycle, breathes twice. `low_m` lower in the knees.
+  void stand(Pose& pose, float t, float low_m = 0.0F) const {
+    const float wave = std::sin(2.0F * kPi * t), breath = std::sin(4.0F * kPi * t);
+    const float sway = 0.022F * figure_.calm * (leg_.thigh_m + leg_.shin_m) / kUnit;
+    pose.root_offset = {-0.006F, sway * wave, -0.0025F - 0.003F * wave * wave - low_m};
+    const float roll = -2.2F * wave * figure_.calm;
+    const glm::quat pelvis = about_x(roll) * about_z(1.5F * wave);
+    pose.rotate(joint("hips"), pelvis);
+    const float stoop = posture();
+    pose.rotate(joint("spine1"), about_x(-roll * 0.6F) * about_y(0.5F + stoop * 0.25F));
+    pose.rotate(joint("spine2"), about_x(-roll * 0.5F) * about_y(stoop * 0.35F));
+    pose.rotate(joint("spine3"), about_y(-0.8F * breath + stoop * 0.4F));
+    pose.rotate(joint("neck"), about_y(0.4F * breath - stoop * 0.3F));
+    look_around(pose, t, 7.0F);
+    for (int side = 0; side < 2; ++side) {
+      const float s = side == 0 ? 1.0F : -1.0F;
+      arm(pose, side, 2.0F + 1.5F * wave * s, 11.0F + 3.0F * s * wave, -0.9F * breath);
+      glm::vec3 ankle = at(foot_[side]);
+      ankle.y += s * 0.004F;
+      place_leg(pose, side, ankle, 0.0F, 0.0F, s * 6.0F);
+    }
+  }
+
+  void look_around(Pose& pose, float t, float degrees) const {
+    const float breath = std::sin(4.0F * kPi * t);
+    const float look = std::sin(2.0F * kPi * t - 0.6F) + 0.35F * std::sin(6.0F * kPi * t);
+    pose.rotate(joint("head"),
+                about_z(degrees * look * figure_.calm) * about_y(1.0F * breath - posture() * 0.5F));
+  }
+
+  float arm_length() const {
+    const glm::vec3 shoulder = at(joint("left_upper_arm")), elbow = at(joint("left_forearm")),
+                    wrist = at(joint("left_hand"));
+    return glm::length(elbow - shoulder) + glm::length(wrist - elbow);
+  }
+
+  /// `to` from the shoulder, in the model frame; y and `elbow`'s y count outwards.
+  void reach_from_shoulder(Pose& pose, int side, const glm::vec3& to, const glm::vec3& elbow,
+                           float curl) const {
+    std::vector<glm::vec3> position;
+    std::vector<glm::quat> rotation;
+    pose.solve(position, rotation);
+    const int upper = rig_.find(side == 0 ? "left_upper_arm" : "right_upper_arm");
+    const float s = side == 0 ? 1.0F : -1.0F;
+    reach_arm(pose, side, position[upper] + glm::vec3{to.x, s * to.y, to.z}, elbow, curl);
+  }
+
+  /// Two-bone inverse kinematics from the shoulder to the wrist at `wrist`; the elbow points to
+  /// `elbow` (y outwards). Fingers bend by `curl` degrees.
+  void reach_arm(Pose& pose, int side, const glm::vec3& wrist, const glm::vec3& elbow,
+                 float curl) const {
+    const std::string s = side == 0 ? "left_" : "right_";
+    const int upper = rig_.find(s + "upper_arm"), fore = rig_.find(s + "forearm"),
+              hand = rig_.find(s + "hand");
+    std::vector<glm::vec3> position;
+    std::vector<glm::quat> rotation;
+    pose.solve(position, rotation);
+    const glm::vec3 shoulder = position[upper];
+    const float upper_m = glm::length(at(fore) - at(upper));
+    const float fore_m = glm::length(at(hand) - at(fore));
+    const glm::vec3 reach = wrist - shoulder;
+    const float d = std::clamp(glm::length(reach), std::abs(upper_m - fore_m) * 1.05F,
+                               (upper_m + fore_m) * 0.985F);
+    const glm::vec3 along = glm::normalize(reach);
+    const glm::vec3 pole{elbow.x, side == 0 ? elbow.y : -elbow.y, elbow.z};
+    const glm::vec3 out = glm::normalize(pole - along * glm::dot(pole, along));
+    const float cosine = std::clamp(
+        (upper_m * upper_m + d * d - fore_m * fore_m) / (2.0F * upper_m * d), -1.0F, 1.0F);
+    const glm::vec3 bent =
+        shoulder + (along * cosine + out * std::sqrt(1.0F - cosine * cosine)) * upper_m;
+    const glm::vec3 end = shoulder + along * d;
+    // the forearm bends to the front of the arm
+    pose.fix(upper, aim(at(fore) - at(upper), bent - shoulder, end - bent));
+    pose.fix(fore, aim(at(hand) - at(fore), end - bent, shoulder - bent));
+    for (const char* digit : {"index", "middle", "ring", "pinky"}) {
+      for (int level = 1; level <= 3; ++level) {
+        const glm::quat bend = about_x(-curl);
+        pose.rotate(rig_.find(s + digit + std::to_string(level)),
+                    side == 0 ? bend : mirrored(bend));
+      }
+    }
+  }
+
+  simplify::SourceClip start(const char* name, render::ClipKind kind, std::uint32_t frames,
+                             float rate_hz) const {
     simplify::SourceClip clip;
     clip.name = name;
     clip.kind = kind;
-    clip.rate_hz = kRate;
+    clip.rate_hz = rate_hz;
     clip.loop = true;
     clip.frame_count = frames;
     clip.model_from_joint.resize(static_cast<std::size_t>(frames) * rig_.joints.size());
@@ -359,7 +579,7 @@ class Animator {
   simplify::SourceClip cycle(const char* name, render::ClipKind kind, const Gait& gait,
                              float duration_s) {
     const auto frames = static_cast<std::uint32_t>(std::lround(duration_s * kRate));
-    simplify::SourceClip clip = start(name, kind, frames);
+    simplify::SourceClip clip = start(name, kind, frames, kRate);
     const LegPlan plan(gait, leg_);
     clip.stride_m = plan.stride_m();
     const bool running = kind == render::ClipKind::kRun;
@@ -523,7 +743,7 @@ class Animator {
       const glm::vec3 pivot = at(first + i) - at(hips);
       const float depth = at(first + i).z - hem;
       const float rest = skirt ? (0.055F + 0.055F * figure_.skirt_flare) / 0.45F : 0.10F;
-      float tilt = -0.03F;
+      float tilt = out.x < 0.3F ? pose.skirt_behind_rad : -0.03F;
       for (const Ball& ball : balls) {
         const glm::vec3 p = to_hips * (ball.centre - position[hips]);
         const float h = pivot.z - p.z;
@@ -571,6 +791,12 @@ std::vector<simplify::SourceClip> make_clips(const Figure& figure, const Rig& ri
   clips.push_back(animator.idle());
   clips.push_back(animator.walk());
   clips.push_back(animator.run());
+  clips.push_back(animator.sit());
+  clips.push_back(animator.cheer());
+  clips.push_back(animator.wave());
+  clips.push_back(animator.talk());
+  clips.push_back(animator.phone());
+  clips.push_back(animator.turn());
   return clips;
 }
 

@@ -16,8 +16,9 @@ no sense is logged once, counted in `pub.stats` and left out.
 """
 
 from throng._ids import hash_id
-from throng._publisher import Publisher, Stats, connect
+from throng._publisher import MOTIONS, Publisher, Stats, connect
 from throng._viewing import Page, RenderError, Video, frames, render, show
 
 __version__ = "0.1.0"
-__all__ = ["Page", "Publisher", "RenderError", "Stats", "Video", "connect", "frames", "hash_id", "render", "show"]
+__all__ = ["MOTIONS", "Page", "Publisher", "RenderError", "Stats", "Video", "connect", "frames", "hash_id", "render",
+           "show"]

@@ -24,6 +24,7 @@ YAWS: Dict[str, Tuple[float, float, float]] = {
 
 # A float32 beyond this has steps of 8 mm and more, which shows as trembling feet.
 COARSE_OFFSET_M = 65536.0
+MOST_MOTIONS = 64
 FARTHEST_OFFSET_M = 1e7  # the server refuses a frame with an agent beyond it
 
 
@@ -37,10 +38,12 @@ class Frame(NamedTuple):
     headings: Optional[np.ndarray]       # float32 [A]
     quaternions: Optional[np.ndarray]    # float32 [A, 4], x y z w
     channels: List[np.ndarray]           # float32 [A] each
+    motions: Optional[np.ndarray] = None  # uint8 [A]; 0: by speed; k: motion_names[k - 1]
+    motion_names: Tuple[str, ...] = ()
 
     @property
     def size_bytes(self) -> int:
-        columns = [self.positions, self.headings, self.quaternions, *self.channels]
+        columns = [self.positions, self.headings, self.quaternions, self.motions, *self.channels]
         return sum(column.nbytes for column in columns if column is not None)
 
 
@@ -156,6 +159,41 @@ def channel_columns(names: Sequence[str], values: Dict[str, Any], count: int,
                 warn(f"channel-{name}", str(error))
         columns.append(column)
     return columns
+
+
+def motion_column(motion: Any, names: Sequence[str], count: int) -> Tuple[np.ndarray, Tuple[str, ...]]:
+    """(uint8 [A], names) from one name for all, [A] names or [A] integers (0: by speed; k: names[k - 1]).
+    None and "" are by speed. Raises BadFrame."""
+    if isinstance(motion, str):
+        return np.full(count, 1, np.uint8), (_motion_name(motion),)
+    array = np.asarray(motion)
+    if array.shape != (count,):
+        raise BadFrame("motion", f"publish: motion has shape {array.shape}, must be [{count}]")
+    if array.dtype.kind in "iu":
+        if array.size and not 0 <= array.min() <= array.max() <= len(names):
+            raise BadFrame("motion", f"publish: motion is {array.min()} to {array.max()}, must be 0 to {len(names)} "
+                                     f"({', '.join(names)})")
+        return array.astype(np.uint8), tuple(names)
+    if array.dtype.kind == "U":
+        found, codes = np.unique(array, return_inverse=True)
+        values = [str(name) for name in found]
+        codes = codes.reshape(count)
+    else:
+        known: Dict[str, int] = {}
+        codes = np.array([known.setdefault("" if name is None else str(name), len(known)) for name in array],
+                         np.intp)
+        values = list(known)
+    used = [name for name in values if name]
+    if len(used) > MOST_MOTIONS:
+        raise BadFrame("motion", f"publish: motion has {len(used)} different names, at most {MOST_MOTIONS}")
+    code_of = np.array([used.index(name) + 1 if name else 0 for name in values] or [0], np.uint8)
+    return code_of[codes], tuple(_motion_name(name) for name in used)
+
+
+def _motion_name(name: str) -> str:
+    if not 0 < len(name.encode("utf-8")) <= 64:
+        raise BadFrame("motion", f"publish: motion {name[:80]!r} must be 1 to 64 bytes long")
+    return name
 
 
 def _numbers(values: Any, what: str) -> np.ndarray:

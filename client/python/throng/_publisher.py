@@ -13,10 +13,11 @@ from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
-from throng._frame import COARSE_OFFSET_M, FARTHEST_OFFSET_M, Axes, Frame, channel_columns
+from throng._frame import COARSE_OFFSET_M, FARTHEST_OFFSET_M, MOST_MOTIONS, Axes, Frame, channel_columns, motion_column
 from throng._ids import BadFrame, IdTable, Membership
 from throng._sender import Endpoint, Sender
 
+MOTIONS = ("idle", "sit", "cheer", "wave", "talk", "phone")  # what the built-in cast can be told to do
 DEFAULT_URL = "127.0.0.1:7447"
 _RESTART_S = 1.0   # time that runs back by more than this is a new run, by less a late frame
 _log = logging.getLogger("throng")
@@ -55,8 +56,9 @@ class Publisher:
 
     def __init__(self, endpoint: Endpoint, crowd: str, axes: Axes, channels: Dict[str, str],
                  rate_hz: Optional[float], run_id: str, producer: str, seed: int, take_over: bool,
-                 queue_frames: int, queue_bytes: int):
+                 queue_frames: int, queue_bytes: int, motions: Tuple[str, ...] = MOTIONS):
         self._axes = axes
+        self._motions = motions
         self._ids = IdTable()
         self._rate_hz = rate_hz
         self._channels = channels            # name: unit; empty until the first frame names them
@@ -74,7 +76,8 @@ class Publisher:
 
     # --- for the simulation -------------------------------------------------------------------
 
-    def publish(self, t: float, ids: Any, positions: Any, headings: Any = None, **channels: Any) -> bool:
+    def publish(self, t: float, ids: Any, positions: Any, headings: Any = None, *, motion: Any = None,
+                **channels: Any) -> bool:
         """Publishes the whole crowd at scene time `t`. An agent that is not listed has left.
 
         Args:
@@ -83,6 +86,10 @@ class Publisher:
             positions: [A, 2] on the ground or [A, 3], in the unit and axes told to `connect`.
             headings: [A] angles as `yaw` told to `connect`, NaN for unknown; or [A, 2] directions,
                 (0, 0) for unknown; or [A, 4] quaternions x y z w. None: from the motion.
+            motion: what agents do beside standing, walking and running by their speed: one name for
+                all, [A] names ("sit", "cheer" ...; "" or None: by speed) or [A] integers (0: by speed,
+                k: `motions[k - 1]` as told to `connect`). A name that the server's characters have no
+                clip for is as "". A change is blended over half a second or so.
             channels: [A] numbers each (speed=..., density=...), to colour agents by. Their names
                 are told to `connect` or else fixed by the first frame; one that is left out is NaN.
 
@@ -92,7 +99,7 @@ class Publisher:
         """
         try:
             self._sender.watch()
-            return self._publish(t, ids, positions, headings, channels)
+            return self._publish(t, ids, positions, headings, motion, channels)
         except BadFrame as error:
             self._fail(error.key, str(error))
         except Exception as error:  # the promise to the simulation: nothing gets out
@@ -160,7 +167,8 @@ class Publisher:
 
     # --- inside -------------------------------------------------------------------------------
 
-    def _publish(self, t: float, ids: Any, positions: Any, headings: Any, channels: Dict[str, Any]) -> bool:
+    def _publish(self, t: float, ids: Any, positions: Any, headings: Any, motion: Any,
+                 channels: Dict[str, Any]) -> bool:
         if self._closed:
             raise BadFrame("closed", "publish: called after close")
         try:
@@ -180,6 +188,9 @@ class Publisher:
         heading_column = quaternion_column = None
         if headings is not None:
             heading_column, quaternion_column = self._axes.headings(headings, given)
+        motion_codes, motion_names = None, ()
+        if motion is not None:
+            motion_codes, motion_names = motion_column(motion, self._motions, given)
         if self._newest_us is None:
             self._start(channels)
         for name in channels:
@@ -192,12 +203,14 @@ class Publisher:
             position_column = position_column[rows]
             heading_column = None if heading_column is None else heading_column[rows]
             quaternion_column = None if quaternion_column is None else quaternion_column[rows]
+            motion_codes = None if motion_codes is None else motion_codes[rows]
             columns = [column[rows] for column in columns]
         # The extremes find a row the server would refuse (NaN is both); only then are rows looked at.
         if position_column.size and not (position_column.min() >= -FARTHEST_OFFSET_M
                                          and position_column.max() <= FARTHEST_OFFSET_M):
-            membership, position_column, heading_column, quaternion_column, columns = self._without_bad_rows(
-                membership, position_column, heading_column, quaternion_column, columns)
+            membership, position_column, heading_column, quaternion_column, columns, motion_codes = (
+                self._without_bad_rows(membership, position_column, heading_column, quaternion_column, columns,
+                                       motion_codes))
         if position_column.size and float(np.abs(position_column[:1, :2]).max()) > COARSE_OFFSET_M:
             self._report("origin", f"publish: agents are over {COARSE_OFFSET_M:.0f} m from the origin, where float32 "
                                    "is coarse; pass origin=(x, y) near them to connect")
@@ -206,7 +219,8 @@ class Publisher:
             self._run += 1
             self._newest_us = time_us
         self._newest_us = time_us if self._newest_us is None else max(time_us, self._newest_us)
-        frame = Frame(self._run, time_us, membership, position_column, heading_column, quaternion_column, columns)
+        frame = Frame(self._run, time_us, membership, position_column, heading_column, quaternion_column, columns,
+                      motion_codes, motion_names)
         self._counts["published"] += 1
         self._counts["dropped"] += self._sender.put(frame, self._queue_frames, self._queue_bytes)
         return True
@@ -217,7 +231,8 @@ class Publisher:
         self._sender.start(self._channels, self._rate_hz or 0.0)
 
     def _without_bad_rows(self, membership: Membership, positions: np.ndarray, headings: Optional[np.ndarray],
-                          quaternions: Optional[np.ndarray], columns: List[np.ndarray]) -> Any:
+                          quaternions: Optional[np.ndarray], columns: List[np.ndarray],
+                          motions: Optional[np.ndarray]) -> Any:
         rows = np.flatnonzero((np.abs(positions) <= FARTHEST_OFFSET_M).all(axis=1))
         missing = positions.shape[0] - rows.size
         self._counts["bad_agents"] += missing
@@ -229,7 +244,8 @@ class Publisher:
         return (self._partial[2], positions[rows],
                 None if headings is None else headings[rows],
                 None if quaternions is None else quaternions[rows],
-                [column[rows] for column in columns])
+                [column[rows] for column in columns],
+                None if motions is None else motions[rows])
 
     def _fail(self, key: str, text: str, exc_info: bool = False, count: bool = True) -> None:
         if count:
@@ -249,7 +265,7 @@ def connect(url: Optional[str] = None, crowd: str = "default", *, channels: Chan
             handed: str = "right", yaw: str = "ccw_rad", rate_hz: Optional[float] = None,
             run_id: Optional[str] = None, token: Optional[str] = None, ca_file: Optional[str] = None,
             producer: str = "", seed: int = 0, take_over: bool = False, queue_frames: int = 256,
-            queue_bytes: int = 64 << 20) -> Publisher:
+            queue_bytes: int = 64 << 20, motions: Sequence[str] = MOTIONS) -> Publisher:
     """Makes a publisher of one crowd. The connection itself is made in the background, by the first frame.
 
     Args:
@@ -274,6 +290,7 @@ def connect(url: Optional[str] = None, crowd: str = "default", *, channels: Chan
         producer: who publishes, for the server's log: "jupedsim 1.4.2".
         seed: with the id, decides which character an agent gets.
         take_over: ends another producer's stream on this crowd instead of being refused.
+        motions: names that integers in `motion` count, from 1.
         queue_frames, queue_bytes: what may wait to be sent; beyond either the oldest frames are dropped.
 
     Raises ValueError for an argument that is wrong by itself: the only call that raises, since the
@@ -290,6 +307,8 @@ def connect(url: Optional[str] = None, crowd: str = "default", *, channels: Chan
         raise ValueError(f"connect: seed is {seed}, must be 0 to 2**64 - 1")
     if isinstance(channels, str):
         raise ValueError(f"connect: channels is {channels!r}, must be a sequence of names or a mapping to units")
+    if isinstance(motions, str) or len(motions) > MOST_MOTIONS or not all(motions):
+        raise ValueError(f"connect: motions is {motions!r}, must be at most {MOST_MOTIONS} names")
     units: Dict[str, str] = {}
     for item in channels.items() if isinstance(channels, Mapping) else channels:
         name, channel_unit = (item, "") if isinstance(item, str) else item
@@ -300,7 +319,7 @@ def connect(url: Optional[str] = None, crowd: str = "default", *, channels: Chan
                               token or os.environ.get("THRONG_TOKEN") or _token_of_file(),
                               ca_file or os.environ.get("THRONG_CA_FILE") or None)
     return Publisher(endpoint, crowd, axes, units, rate_hz, run_id or uuid.uuid4().hex, producer or "throng-python",
-                     seed, take_over, queue_frames, queue_bytes)
+                     seed, take_over, queue_frames, queue_bytes, tuple(motions))
 
 
 def _token_of_file() -> Optional[str]:

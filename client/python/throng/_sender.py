@@ -362,8 +362,11 @@ class Sender:
 
         self._frame_index += 1
         row_bytes = 12 + 4 * len(frame.channels)
+        row_bytes += 0 if frame.motions is None else 1
         row_bytes += 4 if frame.headings is not None else 16 if frame.quaternions is not None else 0
-        rows = max(1, (session.chunk_bytes - _CHUNK_OVERHEAD_BYTES - 8 * len(frame.channels)) // row_bytes)
+        names_bytes = sum(len(name.encode("utf-8")) + 4 for name in frame.motion_names)
+        rows = max(1, (session.chunk_bytes - _CHUNK_OVERHEAD_BYTES - 8 * len(frame.channels) - names_bytes)
+                   // row_bytes)
         with self._changed:
             self._counts["sent"] += 1
             session.newest_frame = frame
@@ -379,6 +382,9 @@ class Sender:
                 chunk.headings = _wire(frame.headings[part])
             elif frame.quaternions is not None:
                 chunk.quaternions = _wire(frame.quaternions[part])
+            if frame.motions is not None:
+                chunk.motions = frame.motions[part].tobytes()
+                chunk.motion_names.extend(frame.motion_names)
             yield ingest_pb2.PublishAgentsRequest(chunk=chunk)
 
 

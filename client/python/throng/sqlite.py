@@ -67,9 +67,10 @@ class SqliteTee:
         self._unsaved = 0
         pub.expect_rate(fps)
 
-    def publish(self, t: float, ids: Any, positions: Any, headings: Any = None, **channels: Any) -> bool:
-        """As Publisher.publish, and writes the frame."""
-        taken = self._pub.publish(t, ids, positions, headings, **channels)
+    def publish(self, t: float, ids: Any, positions: Any, headings: Any = None, *, motion: Any = None,
+                **channels: Any) -> bool:
+        """As Publisher.publish, and writes the frame (without `motion`: the file has no place for it)."""
+        taken = self._pub.publish(t, ids, positions, headings, motion=motion, **channels)
         if taken and self._file is not None:
             try:
                 self._write(float(t), ids, positions, headings)

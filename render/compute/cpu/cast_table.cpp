@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "render/compute/element/octahedral.hpp"
-#include "render/crowd/gait_of.hpp"
+#include "render/crowd/motion_graph.hpp"
 
 namespace throng::render {
 namespace {
@@ -94,6 +94,7 @@ std::vector<LadderLevel> make_ladder(const Character& character) {
 absl::StatusOr<std::shared_ptr<const CastTable>> make_cast_table(std::shared_ptr<const Cast> cast) {
   if (cast == nullptr) return absl::InvalidArgumentError("upload: the cast is missing");
   auto table = std::make_shared<CastTable>();
+  const MotionGraph motions = motion_graph_of(*cast);
   for (std::size_t m = 0; m < cast->members.size(); ++m) {
     const Character& character = cast->members[m].character;
     const std::size_t joints = character.joint_count();
@@ -107,7 +108,7 @@ absl::StatusOr<std::shared_ptr<const CastTable>> make_cast_table(std::shared_ptr
     }
     CharacterTable& entry = table->characters.emplace_back();
     entry.character = &character;
-    entry.gait = gait_of(character);
+    entry.gait = gait_of(character, motions);
     entry.vertex = table_vertices(character);
     entry.point = table_points(character);
     entry.palette = columns_of(character.palette);

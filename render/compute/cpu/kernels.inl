@@ -15,7 +15,9 @@ void advance(const AdvanceJob& job, std::size_t begin, std::size_t end) {
     state = element::advance_slot(shown, job.newer, job.between, job.same_roster, table.gait,
                                   job.scene_time_us, slot);
     job.sphere_m[slot] =
-        element::place_sphere(state.placement, state.position_m, table.character->bounds);
+        element::place_sphere(state.placement, state.position_m,
+                              element::is_acting(state.pose) ? table.character->bounds
+                                                             : table.character->gait_bounds);
   }
 }
 
@@ -126,6 +128,25 @@ void pose_palette(const CharacterTable& table, const InstanceState& state,
   const std::uint32_t count = table.joint_count_at[vertex_count];
   const Placed placed(state.placement);
   const Lanes a_t = Lanes::all(pose.a_t);
+  if (pose.c_weight > 0.0F) {
+    const Lanes t[3] = {a_t, Lanes::all(pose.b_t), Lanes::all(pose.c_t)};
+    const Lanes weight[3] = {a_t, Lanes::all(pose.b_weight), Lanes::all(pose.c_weight)};
+    const std::uint32_t frame[3][2] = {{pose.a_frame0, pose.a_frame1},
+                                       {pose.b_frame0, pose.b_frame1},
+                                       {pose.c_frame0, pose.c_frame1}};
+    for (std::uint32_t k = 0; k < count; ++k) {
+      const element::JointMatrix* of_joint = table.palette.data() + order[k];
+      Lanes mixed = a_t;
+      for (int clip = 0; clip < 3; ++clip) {
+        const Lanes from = Lanes::load(of_joint[frame[clip][0] * joints].m);
+        const Lanes to = Lanes::load(of_joint[frame[clip][1] * joints].m);
+        const Lanes posed = Lanes::fma(t[clip], Lanes::sub(to, from), from);
+        mixed = clip == 0 ? posed : Lanes::fma(weight[clip], Lanes::sub(posed, mixed), mixed);
+      }
+      placed.store(mixed, palette[order[k]].m);
+    }
+    return;
+  }
   if (!(pose.b_weight > 0.0F)) {
     for (std::uint32_t k = 0; k < count; ++k) {
       const std::uint32_t j = order[k];

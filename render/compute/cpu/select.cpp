@@ -97,7 +97,8 @@ void choose_tiers(CpuView& view, PoseMode mode, WorkPool& pool) {
       const VisibleInstance& instance = view.visible[i];
       view.tier[i] =
           cast.levels.is_listed[instance.character]
-              ? element::shared_tier(instance, view.distance_m[i],
+              ? element::shared_tier(instance, view.instances->state[instance.slot].pose,
+                                     view.distance_m[i],
                                      cast.characters[instance.character].character->height_m,
                                      view.projection, frustum)
               : kOwnPose;

@@ -22,7 +22,9 @@ __global__ void advance_kernel(AdvanceJob job) {
   const element::InstanceState state = element::advance_slot(
       job.shown, job.newer, job.between, job.same_roster, character.gait, job.scene_time_us, slot);
   job.state[slot] = state;
-  job.sphere_m[slot] = element::place_sphere(state.placement, state.position_m, character.bounds);
+  job.sphere_m[slot] = element::place_sphere(
+      state.placement, state.position_m,
+      element::is_acting(state.pose) ? character.bounds : character.gait_bounds);
 }
 
 __global__ void probe_kernel() {}

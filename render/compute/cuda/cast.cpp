@@ -9,7 +9,7 @@
 #include "render/compute/cpu/levels.hpp"
 #include "render/compute/element/octahedral.hpp"
 #include "render/compute/element/shared_pose.hpp"
-#include "render/crowd/gait_of.hpp"
+#include "render/crowd/motion_graph.hpp"
 
 namespace throng::render::cuda {
 namespace {
@@ -31,6 +31,7 @@ cudaError_t copy(const std::vector<T>& from, DeviceBuffer<T>& to, const T*& poin
 absl::StatusOr<std::shared_ptr<const CudaCast>> CudaCast::upload(std::shared_ptr<const Cast> cast,
                                                                  cudaStream_t stream) {
   if (cast == nullptr) return absl::InvalidArgumentError("upload: the cast is missing");
+  const MotionGraph motions = motion_graph_of(*cast);
   std::vector<DeviceCharacter> characters;
   std::vector<element::SourceVertex> vertices;
   std::vector<glm::u16vec2> uvs;
@@ -58,8 +59,9 @@ absl::StatusOr<std::shared_ptr<const CudaCast>> CudaCast::upload(std::shared_ptr
                        " vertices; each must be at least 1"));
     }
     DeviceCharacter& to = characters.emplace_back();
-    to.gait = gait_of(from);
+    to.gait = gait_of(from, motions);
     to.bounds = from.bounds;
+    to.gait_bounds = from.gait_bounds;
     to.vertex_count = from.vertex_count();
     to.coarsest_count = from.coarsest_count;
     to.joint_count = joints;

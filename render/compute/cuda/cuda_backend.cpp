@@ -237,7 +237,9 @@ class CudaBackend final : public ComputeBackend {
     const std::size_t velocity = packer.add(snapshot->velocity_mps, slots);
     const std::size_t heading = packer.add(snapshot->heading_rad, slots);
     const std::size_t speed = packer.add(snapshot->speed_mps, slots);
+    const std::size_t turn = packer.add(snapshot->turn_radps, slots);
     const std::size_t present = packer.add(snapshot->present, slots);
+    const std::size_t motion = packer.add(snapshot->motion, snapshot->motion.size());
     std::vector<std::size_t> channels;
     for (const std::vector<float>& channel : snapshot->channels) {
       channels.push_back(packer.add(channel, slots));
@@ -249,7 +251,11 @@ class CudaBackend final : public ComputeBackend {
     columns.velocity_mps = reinterpret_cast<const glm::vec3*>(base + velocity);
     columns.heading_rad = reinterpret_cast<const float*>(base + heading);
     columns.speed_mps = reinterpret_cast<const float*>(base + speed);
+    columns.turn_radps = reinterpret_cast<const float*>(base + turn);
     columns.present = reinterpret_cast<const std::uint8_t*>(base + present);
+    if (!snapshot->motion.empty()) {
+      columns.motion = reinterpret_cast<const std::uint32_t*>(base + motion);
+    }
     for (std::size_t c = 0; c < channels.size(); ++c) {
       result->channels[c] = reinterpret_cast<const float*>(base + channels[c]);
     }
@@ -390,6 +396,7 @@ class CudaBackend final : public ComputeBackend {
     job.frustum = own->frustum;
     job.share_poses = own->share_poses;
     job.fused = own->fused;
+    job.state = own->instances->state.data();
     job.visible = own->visible.data();
     job.distance_m = own->distance_m.data();
     job.share = own->share.data();

@@ -19,7 +19,7 @@ namespace throng::render::cuda {
 /// A character's place in the concatenated arrays of the cast.
 struct DeviceCharacter {
   element::Gait gait;
-  glm::vec4 bounds;
+  glm::vec4 bounds, gait_bounds;
   std::uint32_t vertex_count = 0;    // C
   std::uint32_t coarsest_count = 0;  // n_min
   std::uint32_t joint_count = 0;
@@ -115,6 +115,7 @@ struct SelectJob {
   element::Frustum frustum;
   bool share_poses = false;
   bool fused = false;  // who shares a pose has nothing in the batched arrays
+  const element::InstanceState* state = nullptr;  // [I]
   VisibleInstance* visible = nullptr;
   const float* distance_m = nullptr;
   std::uint32_t* share = nullptr;           // [I]

@@ -79,9 +79,7 @@ __global__ void generate_kernel(GenerateJob job) {
   const std::uint32_t joints = character.joint_count;
   for (std::uint32_t j = threadIdx.x; j < joints; j += kThreads) {
     const element::Pose& pose = state.pose;
-    element::pose_joint(pose, state.placement, clips[pose.a_frame0 * joints + j],
-                        clips[pose.a_frame1 * joints + j], clips[pose.b_frame0 * joints + j],
-                        clips[pose.b_frame1 * joints + j], palette[j]);
+    element::pose_joint(pose, state.placement, clips + j, joints, palette[j]);
   }
   __syncthreads();
 

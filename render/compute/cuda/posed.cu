@@ -82,9 +82,7 @@ __global__ void __launch_bounds__(kThreads) make_kernel(PosedJob job) {
   const element::JointMatrix* clips = job.cast.palette + character.first_matrix;
   const std::uint32_t joints = character.joint_count;
   for (std::uint32_t j = threadIdx.x; j < joints; j += kThreads) {
-    element::pose_joint(pose, upright, clips[pose.a_frame0 * joints + j],
-                        clips[pose.a_frame1 * joints + j], clips[pose.b_frame0 * joints + j],
-                        clips[pose.b_frame1 * joints + j], palette[j]);
+    element::pose_joint(pose, upright, clips + j, joints, palette[j]);
   }
   __syncthreads();
   const PosedMesh mesh = job.table[m];

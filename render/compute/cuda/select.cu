@@ -20,10 +20,11 @@ __global__ void share_kernel(SelectJob job) {
     least = character.coarsest_count;
     most = character.vertex_count;
     job.share[i] = share;
-    job.tier[i] = job.share_poses && character.first_level != DeviceCharacter::kNeverShares
-                      ? element::shared_tier(instance, job.distance_m[i], character.height_m,
-                                             job.projection, job.frustum)
-                      : element::kOwnPose;
+    job.tier[i] =
+        job.share_poses && character.first_level != DeviceCharacter::kNeverShares
+            ? element::shared_tier(instance, job.state[instance.slot].pose, job.distance_m[i],
+                                   character.height_m, job.projection, job.frustum)
+            : element::kOwnPose;
   }
   add_up(share, &job.sums->shares);
   add_up(least, &job.sums->least);

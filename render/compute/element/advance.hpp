@@ -15,8 +15,10 @@ struct SnapshotColumns {
   const glm::vec3* velocity_mps = nullptr;
   const float* heading_rad = nullptr;
   const float* speed_mps = nullptr;
+  const float* turn_radps = nullptr;
   const double* walked_cycles = nullptr;
-  const float* channel = nullptr;  // null: none is shown
+  const float* channel = nullptr;         // null: none is shown
+  const std::uint32_t* motion = nullptr;  // pack_motion; null: nobody is told anything
   const std::uint64_t* id = nullptr;
   const std::uint16_t* character = nullptr;
   const float* scale = nullptr;
@@ -49,7 +51,7 @@ THRONG_HOST_DEVICE inline InstanceState standing_still(std::uint32_t character) 
 
 THRONG_HOST_DEVICE inline Sample sample_of(const SnapshotColumns& columns, std::size_t slot) {
   return {columns.position_m[slot], columns.velocity_mps[slot], columns.heading_rad[slot],
-          columns.speed_mps[slot], columns.walked_cycles[slot]};
+          columns.speed_mps[slot],  columns.turn_radps[slot],   columns.walked_cycles[slot]};
 }
 
 /// The agent of a present slot of `shown`, the snapshot that says who is there: `older`, or `newer`
@@ -79,7 +81,9 @@ THRONG_HOST_DEVICE inline InstanceState advance_slot(const SnapshotColumns& show
   state.character = shown.character[slot];
   state.seed = seed;
   state.channel = value;
-  state.pose = choose_pose(gait, seed, sample.speed_mps, sample.walked_cycles, scene_time_us);
+  state.pose = choose_pose(
+      gait, seed, sample.speed_mps, sample.turn_radps, sample.walked_cycles, scene_time_us,
+      shown.motion != nullptr ? unpack_motion(shown.motion[slot], between.since_s) : Motion());
   return state;
 }
 

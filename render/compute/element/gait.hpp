@@ -14,9 +14,22 @@ struct ClipRange {
   float rate_hz = 30.0F;
 };
 
+/// What an agent does because its producer says so, beside standing, walking and running.
+struct Action {
+  ClipRange clip;
+  float blend_s = 0.4F;  // how long it takes to begin and to end
+  /// 1: whatever the speed. 0: in place of standing, so it gives way to the walk as the agent goes.
+  std::uint32_t is_whole = 0;
+};
+
+inline constexpr std::uint32_t kMostActions = 16;
+
 struct Gait {
   ClipRange idle, walk, run;
-  float walk_stride_m = 1.4F;  // distance of one cycle at scale 1
+  ClipRange turn;                // steps on the spot that turn to the left; to the right backwards
+  float turn_rad = 1.57079633F;  // angle of one cycle
+  Action action[kMostActions];   // by the cast's motion graph; code k is at k - 1
+  float walk_stride_m = 1.4F;    // distance of one cycle at scale 1
   float run_stride_m = 2.6F;
   float walk_speed_mps = 1.35F;  // at which the clip was made
   float run_speed_mps = 3.2F;
@@ -51,6 +64,22 @@ THRONG_HOST_DEVICE inline GaitWeights gait_weights(const Gait& gait, std::uint32
   }
   const float moving = gate * amplitude;
   return {1.0F - moving, moving - run < 0.0F ? 0.0F : moving - run, run};
+}
+
+/// How much of the turning clip stands in for standing at a turning rate. The feet turn under the
+/// body by this share of the clip's angle.
+THRONG_HOST_DEVICE inline float turn_weight(const Gait& gait, float turn_radps) {
+  if (gait.turn.frame_count == 0) return 0.0F;
+  const float rate_radps = turn_radps < 0.0F ? -turn_radps : turn_radps;
+  constexpr float kFullRadps = 1.2F;
+  const float amplitude = rate_radps >= kFullRadps ? 1.0F : std::sqrt(rate_radps / kFullRadps);
+  return smoothstep(0.1F, 0.35F, rate_radps) * amplitude;
+}
+
+/// Cycles of the turning clip for an angle turned at a rate on the spot.
+THRONG_HOST_DEVICE inline float turn_cycles(const Gait& gait, float angle_rad, float turn_radps) {
+  const float weight = turn_weight(gait, turn_radps);
+  return weight > 0.0F ? angle_rad / (gait.turn_rad * (weight < 0.25F ? 0.25F : weight)) : 0.0F;
 }
 
 /// Distance of one cycle at a speed, at scale 1. A walk mixed with idle in the share w moves the

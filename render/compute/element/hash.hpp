@@ -31,6 +31,7 @@ enum SeedStream : std::uint32_t {
   kSeedTier = 6,
   kSeedFlat = 7,
   kSeedForm = 8,
+  kSeedPace = 9,
 };
 
 }  // namespace throng::render::element

@@ -24,6 +24,7 @@ struct Sample {
   glm::vec3 velocity_mps{0.0F};
   float heading_rad = 0.0F;  // NaN: not known yet (the agent's first sample)
   float speed_mps = 0.0F;
+  float turn_radps = 0.0F;  // to the left, smoothed
   double walked_cycles = 0.0;
 };
 
@@ -32,6 +33,7 @@ struct Between {
   float t = 0.0F;           // from older to newer
   float interval_s = 0.0F;  // newer - older; 0 when there is one snapshot
   float ahead_s = 0.0F;     // beyond the sample an agent is extrapolated from, limited
+  float since_s = 0.0F;     // beyond the snapshot that is shown, never negative
   float pace = 1.0F;        // 1; falls to 0 once the limit is passed: who is held stands
   bool at_newer = false;    // no sample lies ahead: extrapolate newer (or show it before its time)
 };
@@ -51,6 +53,7 @@ inline Between between(std::int64_t older_time_us, std::int64_t newer_time_us,
   const double ahead_s = since_s < 0.0 ? 0.0 : (since_s > limit_s ? limit_s : since_s);
   const double held = (since_s - limit_s) / kStopS;
   result.ahead_s = static_cast<float>(ahead_s);
+  result.since_s = static_cast<float>(since_s < 0.0 ? 0.0 : since_s);
   result.pace = static_cast<float>(held <= 0.0 ? 1.0 : (held >= 1.0 ? 0.0 : 1.0 - held));
   const double t = result.at_newer ? 0.0 : since_s / interval_s;
   result.t = static_cast<float>(t < 0.0 ? 0.0 : (t > 1.0 ? 1.0 : t));
@@ -70,6 +73,9 @@ THRONG_HOST_DEVICE inline Sample extrapolate(const Sample& from, const Between& 
   const float ahead_s = between.ahead_s;
   result.heading_rad = known_heading(from.heading_rad, seed);
   result.speed_mps = from.speed_mps * between.pace;
+  // nobody is turned any further, so the feet come to rest soon
+  const float turned = 1.0F - ahead_s * 4.0F;
+  result.turn_radps = turned > 0.0F ? from.turn_radps * turned : 0.0F;
   if (ahead_s > 0.0F) {
     result.position_m = glm::vec3(fused(from.velocity_mps.x, ahead_s, from.position_m.x),
                                   fused(from.velocity_mps.y, ahead_s, from.position_m.y),
@@ -98,6 +104,7 @@ THRONG_HOST_DEVICE inline Sample interpolate(const Sample& older, const Sample& 
                 fused(t, step_m.z, older.position_m.z));
   result.heading_rad = lerp_angle(older_heading_rad, newer_heading_rad, t);
   result.speed_mps = fused(t, newer.speed_mps - older.speed_mps, older.speed_mps);
+  result.turn_radps = fused(t, newer.turn_radps - older.turn_radps, older.turn_radps);
   result.walked_cycles =
       older.walked_cycles + static_cast<double>(t) * (newer.walked_cycles - older.walked_cycles);
   return result;

@@ -12,10 +12,11 @@
 namespace throng::render::element {
 
 /// Poses that far agents share: each clip at fixed phases, walk mixed with idle and with run in
-/// fixed shares. A pose's number counts within its character.
+/// fixed shares, then the actions. A pose's number counts within its character.
 inline constexpr std::uint32_t kPhases = 128;
 inline constexpr std::uint32_t kShares = 16;
-inline constexpr std::uint32_t kSharedPoses = kPhases * (1 + 2 * kShares);
+inline constexpr std::uint32_t kFirstActionRow = 1 + 2 * kShares;
+inline constexpr std::uint32_t kSharedPoses = kPhases * (kFirstActionRow + kMostActions);
 
 /// How coarsely an agent takes its pose: tier k uses every 2^k-th phase and share.
 inline constexpr std::uint32_t kTiers = 4;
@@ -30,17 +31,22 @@ THRONG_HOST_DEVICE inline std::uint32_t shared_pose_of(const Pose& pose, const G
   const auto is_within = [](const ClipRange& clip, std::uint32_t frame) {
     return frame >= clip.first_frame && frame - clip.first_frame < clip.frame_count;
   };
-  const auto phase_of = [tier](const ClipRange& clip, std::uint32_t frame, float t) {
-    const float cycles =
-        (static_cast<float>(frame - clip.first_frame) + t) / static_cast<float>(clip.frame_count);
+  const auto nearest_phase = [tier](float cycles) {
     const float steps = static_cast<float>(kPhases >> tier);
     const auto nearest = static_cast<std::uint32_t>(fused(cycles, steps, 0.5F));
     return (nearest << tier) & (kPhases - 1);
+  };
+  const auto phase_of = [&](const ClipRange& clip, std::uint32_t frame, float t) {
+    return nearest_phase((static_cast<float>(frame - clip.first_frame) + t) /
+                         static_cast<float>(clip.frame_count));
   };
   const auto share_of = [tier](float share) {
     const float steps = static_cast<float>(kShares >> tier);
     return static_cast<std::uint32_t>(fused(share, steps, 0.5F)) << tier;
   };
+  if (pose.action != 0) {
+    return kPhases * (kFirstActionRow + pose.action - 1) + nearest_phase(pose.action_cycles);
+  }
   if (is_within(gait.idle, pose.a_frame0)) return phase_of(gait.idle, pose.a_frame0, pose.a_t);
   const ClipRange& walk = gait.walk.frame_count != 0 ? gait.walk : gait.run;
   const std::uint32_t phase = phase_of(walk, pose.a_frame0, pose.a_t);
@@ -59,6 +65,15 @@ THRONG_HOST_DEVICE inline Pose shared_pose(const Gait& gait, std::uint32_t numbe
   const double cycles = static_cast<double>(number % kPhases) / static_cast<double>(kPhases);
   const std::uint32_t row = number / kPhases;
   Pose pose;
+  if (row >= kFirstActionRow) {
+    const ClipRange& clip = gait.action[row - kFirstActionRow].clip;
+    if (clip.frame_count == 0) return pose;
+    sample_clip(clip, cycles, pose.a_frame0, pose.a_frame1, pose.a_t);
+    pose.acts = 1;
+    pose.action = row - kFirstActionRow + 1;
+    pose.action_cycles = static_cast<float>(cycles);
+    return pose;
+  }
   if (row == 0) {
     sample_clip(gait.idle, cycles, pose.a_frame0, pose.a_frame1, pose.a_t);
     return pose;
@@ -83,6 +98,9 @@ THRONG_HOST_DEVICE inline constexpr float tier_error(std::uint32_t tier) {
 }
 /// Who would be off by more pixels takes a finer tier, and at last a pose of its own.
 inline constexpr float kSharedErrorPx = 0.25F;
+/// Taller figures that go over from one clip to another have a pose of their own: the shared one is
+/// that of the clip that outweighs the rest.
+inline constexpr float kSharedBlendPx = 24.0F;
 /// Of the bounding sphere; larger agents never share.
 inline constexpr float kSharedRadiusPx = 48.0F;
 /// The same as drawn at the edge of a wide angle; twice that is under the 128 pixels of 16 bits.
@@ -92,11 +110,12 @@ inline constexpr std::uint8_t kOwnPose = 0xff;
 
 /// How coarse an agent's shared pose may be: the coarsest tier that is off by less than
 /// kSharedErrorPx, or kOwnPose. Each agent's limits lie up to a tenth apart, so that a row of them
-/// does not change at once. Only agents wholly between the near and the far plane share.
+/// does not change at once. Who goes over from one clip to another shares only where that is hard
+/// to see. Only agents wholly between the near and the far plane share.
 /// @param height_m  of the character, unscaled.
 THRONG_HOST_DEVICE inline std::uint8_t shared_tier(const VisibleInstance& instance,
-                                                   float distance_m, float height_m,
-                                                   const Projection& projection,
+                                                   const Pose& pose, float distance_m,
+                                                   float height_m, const Projection& projection,
                                                    const Frustum& frustum) {
   const glm::vec3& p = instance.position_relative;
   bool is_between = true;
@@ -121,6 +140,7 @@ THRONG_HOST_DEVICE inline std::uint8_t shared_tier(const VisibleInstance& instan
     return kOwnPose;
   }
   const float height_px = px_per_m * instance.scale * height_m;
+  if (height_px > kSharedBlendPx && is_blending(pose)) return kOwnPose;
   for (std::uint32_t tier = kTiers; tier-- > 0;) {
     if (height_px * tier_error(tier) < kSharedErrorPx) return static_cast<std::uint8_t>(tier);
   }

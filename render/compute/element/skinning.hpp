@@ -38,11 +38,23 @@ THRONG_HOST_DEVICE inline glm::vec4 place_sphere(const Placement& placement,
 }
 
 /// One element of a pose's matrix: each clip between its two frames, then the clips mixed.
-THRONG_HOST_DEVICE inline float mix_pose(const Pose& pose, float a0, float a1, float b0, float b1) {
-  const float a = fused(pose.a_t, a1 - a0, a0);
-  if (!(pose.b_weight > 0.0F)) return a;
-  const float b = fused(pose.b_t, b1 - b0, b0);
-  return fused(pose.b_weight, b - a, a);
+/// @param frames  the joint's matrix in the palette's first frame.
+/// @param stride  matrices from one frame to the next.
+THRONG_HOST_DEVICE inline float mix_pose(const Pose& pose, const JointMatrix* frames,
+                                         std::uint32_t stride, int k) {
+  const float a = frames[pose.a_frame0 * stride].m[k];
+  float mixed = fused(pose.a_t, frames[pose.a_frame1 * stride].m[k] - a, a);
+  if (pose.b_weight > 0.0F) {
+    const float from = frames[pose.b_frame0 * stride].m[k];
+    const float b = fused(pose.b_t, frames[pose.b_frame1 * stride].m[k] - from, from);
+    mixed = fused(pose.b_weight, b - mixed, mixed);
+  }
+  if (pose.c_weight > 0.0F) {
+    const float from = frames[pose.c_frame0 * stride].m[k];
+    const float c = fused(pose.c_t, frames[pose.c_frame1 * stride].m[k] - from, from);
+    mixed = fused(pose.c_weight, c - mixed, mixed);
+  }
+  return mixed;
 }
 
 /// Turns and scales a matrix into world axes.
@@ -57,13 +69,13 @@ THRONG_HOST_DEVICE inline void place_matrix(const Placement& placement, const fl
 }
 
 /// A joint of a posed instance: the mixed matrix, turned and scaled into world axes.
-/// An instance whose pose has no clip b may pass any matrices for it.
+/// @param frames  the joint's matrix in the palette's first frame.
+/// @param stride  matrices from one frame to the next.
 THRONG_HOST_DEVICE inline void pose_joint(const Pose& pose, const Placement& placement,
-                                          const JointMatrix& a0, const JointMatrix& a1,
-                                          const JointMatrix& b0, const JointMatrix& b1,
+                                          const JointMatrix* frames, std::uint32_t stride,
                                           JointMatrix& result) {
   float m[16];
-  for (int k = 0; k < 16; ++k) m[k] = mix_pose(pose, a0.m[k], a1.m[k], b0.m[k], b1.m[k]);
+  for (int k = 0; k < 16; ++k) m[k] = mix_pose(pose, frames, stride, k);
   place_matrix(placement, m, result.m);
 }
 

@@ -37,6 +37,7 @@ inline constexpr float kSpeckElevationRad[kSpeckElevations] = {0.0F, 0.43633231F
                                                                1.30899694F};
 
 THRONG_HOST_DEVICE inline std::uint32_t speck_pose(const Pose& pose, const Gait& gait) {
+  if (pose.action != 0) return 0;  // stands, or sits a pixel lower
   const ClipRange& walk = gait.walk.frame_count != 0 ? gait.walk : gait.run;
   const std::uint32_t frame = pose.a_frame0 - walk.first_frame;
   if (pose.a_frame0 < walk.first_frame || frame >= walk.frame_count) return 0;

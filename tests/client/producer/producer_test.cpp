@@ -87,6 +87,27 @@ TEST(ProducerTest, ColumnsOfAnEarlierFrameAreNotSentAgain) {
   for (const float heading_rad : newest->heading_rad) EXPECT_NE(heading_rad, 1.5F);
 }
 
+TEST(ProducerTest, MotionsArriveAndEndWithTheirFrame) {
+  const TestServer server;
+  auto producer = Producer::connect(server.address(), "station");
+  const std::vector<double> positions = {0.0, 0.0, 5.0, 0.0};
+  const std::vector<std::string> names = {"cheer", "idle"};
+  const std::vector<std::uint8_t> motion = {0, 2};
+  EXPECT_TRUE(producer->publish(0, ids_to(2), positions, {}, {}, {motion, names}));
+  ASSERT_TRUE(producer->flush(kLong).ok()) << producer->stats().last_error;
+  const auto crowd = server.server->registry().find("station");
+  ASSERT_TRUE(crowd.ok());
+  const auto newest = [&] { return (*crowd)->moment(server::Clock::now()).crowd->newest(); };
+  ASSERT_EQ(newest()->motion.size(), 2U);
+  EXPECT_EQ(newest()->motion[0] & 0xffU, 0U);
+  EXPECT_NE(newest()->motion[1] & 0xffU, 0U);
+  EXPECT_TRUE(producer->publish(10'000'000, ids_to(2), positions));
+  ASSERT_TRUE(producer->flush(kLong).ok()) << producer->stats().last_error;
+  EXPECT_EQ(newest()->motion[1] & 0xffU, 0U);
+  EXPECT_FALSE(producer->publish(20'000'000, ids_to(2), positions, {}, {}, {motion, {}}));
+  EXPECT_THAT(std::string(producer->stats().last_error.message()), HasSubstr("a motion is 2"));
+}
+
 TEST(ProducerTest, OriginKeepsFarCoordinatesExact) {
   const TestServer server;
   ProducerOptions options;

@@ -29,6 +29,7 @@ class Assembled:
         self.headings: Optional[np.ndarray] = None
         self.quaternions: Optional[np.ndarray] = None
         self.channels: List[np.ndarray] = []
+        self.motions: List[str] = []
 
     def add(self, chunk: ingest_pb2.AgentChunk) -> bool:
         """Returns True when the frame is complete."""
@@ -43,6 +44,8 @@ class Assembled:
         columns = [np.frombuffer(column, "<f4") for column in chunk.channels]
         assert all(len(column) == len(rows) for column in columns)
         self.channels = ([np.concatenate(pair) for pair in zip(self.channels, columns)] if self.chunks else columns)
+        assert len(chunk.motions) in (0, len(rows)) and (chunk.motions or not chunk.motion_names)
+        self.motions += [chunk.motion_names[code - 1] if code else "" for code in chunk.motions]
         self.chunks += 1
         return len(self.positions) == len(self.ids)
 

@@ -62,6 +62,28 @@ def test_frame_over_the_server_limit_is_cut_into_chunks(make_server):
     np.testing.assert_array_equal(frame.channels[0], ids)
 
 
+def test_motions_arrive_by_name_by_number_and_for_all(server):
+    place = np.zeros((3, 2))
+    with throng.connect(server.url, motions=("sit", "dance")) as pub:
+        pub.publish(0.0, [1, 2, 3], place, motion=["sit", "", "cheer"])
+        pub.publish(1.0, [3, 2, 1], place, motion=["sit", None, "wave"])  # the same ids: rows are put in order
+        pub.publish(2.0, [1, 2, 3], place, motion=[2, 0, 1])
+        pub.publish(3.0, [1, 2, 3], place, motion="talk")
+        pub.publish(4.0, [1, 2, 3], place)
+        pub.publish(5.0, [1, 2, 3], [(0, 0), (np.nan, 0), (0, 0)], motion=["sit", "cheer", "wave"])
+    told = [dict(zip(frame.ids.tolist(), frame.motions)) for frame in server.frames]
+    assert told == [{1: "sit", 2: "", 3: "cheer"}, {1: "wave", 2: "", 3: "sit"}, {1: "dance", 2: "", 3: "sit"},
+                    {1: "talk", 2: "talk", 3: "talk"}, {}, {1: "sit", 3: "wave"}]
+    assert pub.stats.errors == 0
+
+
+@pytest.mark.parametrize("motion", [["sit"], [7, 0], [-1, 0], ["x" * 65, ""]])
+def test_motion_that_does_not_fit_is_an_error_not_an_exception(server, motion):
+    with throng.connect(server.url) as pub:
+        assert not pub.publish(0.0, [1, 2], np.zeros((2, 2)), motion=motion)
+    assert pub.stats.errors == 1 and "motion" in pub.stats.last_error
+
+
 def test_empty_crowd_is_a_frame(server):
     with throng.connect(server.url) as pub:
         assert pub.publish(0.0, [], [])

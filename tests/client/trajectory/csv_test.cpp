@@ -11,7 +11,9 @@ using test::expect_error;
 using test::FileTest;
 using test::read_all;
 using test::Reading;
+using ::testing::Contains;
 using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 class CsvTest : public FileTest {};
 
@@ -33,6 +35,31 @@ TEST_F(CsvTest, ReadsTimesHeadingsAndChannels) {
   EXPECT_TRUE(std::isnan(reading.frames[0].heading_rad[1]));
   EXPECT_THAT(reading.frames[0].channels[0], ElementsAre(1.2f, 0.9f));
   EXPECT_TRUE(std::isnan(reading.frames[1].channels[0][0]));
+}
+
+TEST_F(CsvTest, ColumnMotionSaysWhatAgentsDo) {
+  const Reading reading =
+      read_all(write("a.csv",
+                     "time_s,id,x_m,y_m,motion,speed\n"
+                     "0,1,1,2,sit,1\n0,2,3,4,,2\n1,1,1,2,cheer,3\n1,2,3,4,sit,4\n"));
+  ASSERT_TRUE(reading.status.ok()) << reading.status;
+  EXPECT_THAT(reading.info.motion_names, ElementsAre("sit", "cheer"));
+  EXPECT_THAT(reading.info.channel_names, ElementsAre("speed"));
+  ASSERT_EQ(reading.frames.size(), 2u);
+  EXPECT_THAT(reading.frames[0].motion, ElementsAre(1, 0));
+  EXPECT_THAT(reading.frames[1].motion, ElementsAre(2, 1));
+  EXPECT_THAT(reading.frames[1].channels[0], ElementsAre(3.0f, 4.0f));
+}
+
+TEST_F(CsvTest, MoreThanSixtyFourMotionsAreLeftOutAndTold) {
+  std::string text = "time_s,id,x_m,y_m,motion\n";
+  for (int i = 0; i < 70; ++i)
+    text += "0," + std::to_string(i) + ",0,0,m" + std::to_string(i) + "\n";
+  const Reading reading = read_all(write("a.csv", text));
+  ASSERT_TRUE(reading.status.ok()) << reading.status;
+  EXPECT_EQ(reading.info.motion_names.size(), 64u);
+  EXPECT_EQ(reading.frames[0].motion[69], 0);
+  EXPECT_THAT(reading.info.notes, Contains(HasSubstr("6 motions left out")));
 }
 
 TEST_F(CsvTest, DelimitersAndSpellingsOfOtherProgramsAreKnown) {

@@ -40,7 +40,7 @@ TEST_P(CullTest, AgreesWithBruteForceInClipSpace) {
   std::uint32_t kept = 0, disputed = 0;
   for (std::size_t slot = 0; slot < visible.size(); ++slot) {
     const Roster& roster = *crowd->bracket(0).older->roster;
-    const glm::dvec4 bounds(cast->members[roster.character[slot]].character.bounds);
+    const glm::dvec4 bounds(cast->members[roster.character[slot]].character.gait_bounds);
     const double scale = roster.scale[slot];
     const glm::dvec3 center = glm::dvec3(crowd->bracket(0).older->position_m[slot]) +
                               glm::dvec3(0, 0, bounds.z * scale) - stage.camera.eye_world;

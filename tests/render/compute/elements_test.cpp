@@ -143,9 +143,11 @@ TEST(SkinningTest, PosedJointTurnsAndScalesTheMixedMatrix) {
   b = a;
   b.m[12] = 2.0F;  // and one moved by 2 m along x
   Pose pose;
+  pose.a_frame1 = 1;
   pose.a_t = 0.5F;  // half way
+  const JointMatrix frames[2] = {a, b};
   JointMatrix result;
-  pose_joint(pose, place(kPi / 2.0F, 1.1F), a, b, a, a, result);
+  pose_joint(pose, place(kPi / 2.0F, 1.1F), frames, 1, result);
   // the middle, 1 m along x, is turned to +y and scaled
   EXPECT_NEAR(result.m[12], 0.0F, 1e-6);
   EXPECT_NEAR(result.m[13], 1.1F, 1e-6);
@@ -187,26 +189,26 @@ TEST(GaitTest, SlowWalkTakesShorterSteps) {
 
 TEST(PoseTest, WalkPhaseFollowsCyclesAndWrapsToTheFirstFrame) {
   const Gait gait = three_clips();
-  const Pose pose = choose_pose(gait, 7, 1.4F, 123.975, 5'000'000);
+  const Pose pose = choose_pose(gait, 7, 1.4F, 0.0F, 123.975, 5'000'000);
   EXPECT_EQ(pose.a_frame0, 29U);  // 0.975 of 20 frames: 19.5
   EXPECT_EQ(pose.a_frame1, 10U);
   EXPECT_NEAR(pose.a_t, 0.5F, 1e-4);
   EXPECT_EQ(pose.b_weight, 0.0F);
-  const Pose backwards = choose_pose(gait, 7, 1.4F, -0.025, 0);
+  const Pose backwards = choose_pose(gait, 7, 1.4F, 0.0F, -0.025, 0);
   EXPECT_EQ(backwards.a_frame0, 29U);
 }
 
 TEST(PoseTest, StandingAgentPlaysIdleWithTimeAndItsOwnOffset) {
   const Gait gait = three_clips();
-  const Pose now = choose_pose(gait, 7, 0.0F, 3.3, 0);
-  const Pose a_second_later = choose_pose(gait, 7, 0.0F, 3.3, 1'000'000);
+  const Pose now = choose_pose(gait, 7, 0.0F, 0.0F, 3.3, 0);
+  const Pose a_second_later = choose_pose(gait, 7, 0.0F, 0.0F, 3.3, 1'000'000);
   EXPECT_LT(now.a_frame0, 10U);
   EXPECT_EQ(now.a_frame0, a_second_later.a_frame0) << "the clip takes one second";
-  const Pose half_later = choose_pose(gait, 7, 0.0F, 3.3, 500'000);
+  const Pose half_later = choose_pose(gait, 7, 0.0F, 0.0F, 3.3, 500'000);
   EXPECT_EQ(half_later.a_frame0, (now.a_frame0 + 5) % 10);
   bool differs = false;
   for (std::uint32_t seed = 0; seed < 20; ++seed) {
-    differs |= choose_pose(gait, seed, 0.0F, 3.3, 0).a_frame0 != now.a_frame0;
+    differs |= choose_pose(gait, seed, 0.0F, 0.0F, 3.3, 0).a_frame0 != now.a_frame0;
   }
   EXPECT_TRUE(differs);
 }
@@ -214,11 +216,11 @@ TEST(PoseTest, StandingAgentPlaysIdleWithTimeAndItsOwnOffset) {
 TEST(PoseTest, MissingClipsAreStoodInFor) {
   Gait only_walk;
   only_walk.walk = {4, 8, 10.0F};
-  EXPECT_GE(choose_pose(only_walk, 1, 0.0F, 0.0, 0).a_frame0, 4U);
-  EXPECT_GE(choose_pose(only_walk, 1, 9.0F, 0.0, 0).a_frame0, 4U);
+  EXPECT_GE(choose_pose(only_walk, 1, 0.0F, 0.0F, 0.0, 0).a_frame0, 4U);
+  EXPECT_GE(choose_pose(only_walk, 1, 9.0F, 0.0F, 0.0, 0).a_frame0, 4U);
   Gait only_idle;
   only_idle.idle = {2, 3, 10.0F};
-  const Pose pose = choose_pose(only_idle, 1, 5.0F, 0.7, 0);
+  const Pose pose = choose_pose(only_idle, 1, 5.0F, 0.0F, 0.7, 0);
   EXPECT_GE(pose.a_frame0, 2U);
   EXPECT_LT(pose.a_frame0, 5U);
   EXPECT_EQ(pose.b_weight, 0.0F);

@@ -5,7 +5,7 @@
 
 #include "frame_fixture.hpp"
 #include "render/compute/element/pose.hpp"
-#include "render/crowd/gait_of.hpp"
+#include "render/crowd/motion_graph.hpp"
 
 namespace throng::render {
 namespace {
@@ -78,6 +78,82 @@ TEST(GenerateTest, CoarserLevelIsAPrefixOfTheFiner) {
   }
 }
 
+TEST(GenerateTest, FarAgentsKeepTheirPoseUntilTheirFrameIsDue) {
+  const auto cast = test::tiny_cast();
+  const auto crowd = test::walking_crowd(cast, 300, 50.0, 8);
+  test::Stage stage(cast), always(cast);
+  Selection selection{.vertex_budget = 9000};
+  selection.motion = {.distance_m = 30.0F, .k_per_m = 0.4F, .frame = 11};
+  // by slot: from the feet
+  std::vector<std::vector<glm::vec3>> before;
+  std::size_t held = 0, due = 0, near = 0;
+  for (int frame = 0; frame < 5; ++frame, ++selection.motion.frame) {
+    const std::int64_t time_us = 300'000 + 40'000 * frame;
+    stage.advance(*crowd, time_us);
+    stage.finish(selection);
+    always.advance(*crowd, time_us);
+    always.finish({.vertex_budget = 9000});
+    const FrameGeometry geometry = stage.geometry(), expected = always.geometry();
+    ASSERT_EQ(geometry.vertices.size(), expected.vertices.size());
+    std::vector<std::vector<glm::vec3>> now(stage.instances->count);
+    for (std::size_t v = 0; v < geometry.instances.size(); ++v) {
+      const VisibleInstance& instance = geometry.instances[v];
+      const glm::vec3 centre =
+          instance.position_relative +
+          glm::vec3(0.0F, 0.0F,
+                    instance.scale * cast->members[instance.character].character.gait_bounds.z);
+      const float beyond_m = glm::length(centre) - selection.motion.distance_m;
+      if (std::abs(beyond_m * selection.motion.k_per_m -
+                   std::round(beyond_m * selection.motion.k_per_m)) < 1e-3F) {
+        continue;  // may round to either side
+      }
+      const auto every =
+          beyond_m > 0.0F ? 1 + static_cast<std::uint64_t>(selection.motion.k_per_m * beyond_m) : 1;
+      const bool is_due = (selection.motion.frame + instance.slot) % every == 0;
+      std::vector<glm::vec3>& mine = now[instance.slot];
+      float most_m = 0.0F;
+      for (std::uint32_t i = geometry.vertex_offset[v]; i < geometry.vertex_offset[v + 1]; ++i) {
+        mine.push_back(geometry.vertices[i].position_relative - instance.position_relative);
+        if (is_due) {
+          ASSERT_EQ(geometry.vertices[i].position_relative, expected.vertices[i].position_relative);
+        }
+      }
+      const bool was_there = frame > 0 && before[instance.slot].size() == mine.size();
+      if (is_due || !was_there) {
+        ++(beyond_m > 0.0F ? due : near);
+        continue;
+      }
+      ++held;
+      for (std::size_t i = 0; i < mine.size(); ++i) {
+        most_m = std::max(most_m, glm::length(mine[i] - before[instance.slot][i]));
+      }
+      EXPECT_LT(most_m, 1e-4F) << "slot " << instance.slot;
+    }
+    before = std::move(now);
+  }
+  // every other to every fourth frame, so more are held than due
+  EXPECT_GT(held, due / 2);
+  EXPECT_GT(due, 50U);
+  EXPECT_GT(near, 50U);
+}
+
+TEST(GenerateTest, WithoutADistanceNobodyIsHeld) {
+  const auto cast = test::tiny_cast();
+  const auto crowd = test::walking_crowd(cast, 100, 50.0, 8);
+  test::Stage stage(cast), fresh(cast);
+  Selection selection{.vertex_budget = 3000};
+  selection.motion = {.distance_m = 1.0F, .k_per_m = 0.4F, .frame = 1};
+  stage.advance(*crowd, 300'000);
+  stage.finish(selection);
+  stage.advance(*crowd, 400'000);
+  stage.finish({.vertex_budget = 3000});
+  fresh.advance(*crowd, 400'000);
+  fresh.finish({.vertex_budget = 3000});
+  const auto a = stage.geometry().vertices, b = fresh.geometry().vertices;
+  ASSERT_EQ(a.size(), b.size());
+  EXPECT_EQ(std::memcmp(a.data(), b.data(), a.size_bytes()), 0);
+}
+
 TEST(GenerateTest, VerticesAgreeWithDoublePrecisionSkinning) {
   const auto cast = test::tiny_cast();
   const auto crowd = test::walking_crowd(cast, 200, 30.0, 5);
@@ -93,7 +169,7 @@ TEST(GenerateTest, VerticesAgreeWithDoublePrecisionSkinning) {
     const Character& character = cast->members[instance.character].character;
     const element::Gait gait = gait_of(character);
     const element::Pose pose =
-        element::choose_pose(gait, instance.seed, snapshot.speed_mps[instance.slot],
+        element::choose_pose(gait, instance.seed, snapshot.speed_mps[instance.slot], 0.0F,
                              snapshot.walked_cycles[instance.slot], 400'000);
     const double heading = snapshot.heading_rad[instance.slot];
     for (std::uint32_t i = 0; i < instance.vertex_count; ++i) {

@@ -69,19 +69,18 @@ TEST_P(KernelsTest, SkinningGivesTheBytesOfTheElement) {
                   static_cast<std::uint32_t>(8.0F + 16.0F * random(6)),
                   random(7),
                   random(8),
-                  trial % 3 == 0 ? 0.0F : random(9)};
+                  trial % 3 == 0 ? 0.0F : random(9),
+                  trial % 4 != 0 ? 0.0F : random(13),
+                  static_cast<std::uint32_t>(24.0F * random(14)),
+                  static_cast<std::uint32_t>(24.0F * random(15)),
+                  random(16)};
     alignas(64) element::JointMatrix palette[2], expected[2];
     VisibleInstance instance{};
     instance.position_relative = {random(10) * 50.0F, random(11) * -50.0F, random(12)};
     instance.vertex_count = 1 + static_cast<std::uint32_t>(trial) % character.vertex_count();
     tested.pose_palette(entry, state, character.vertex_count(), palette);
     for (std::size_t j = 0; j < 2; ++j) {
-      const auto at = [&](std::uint32_t frame) -> const element::JointMatrix& {
-        return entry.palette[frame * 2 + j];
-      };
-      element::pose_joint(state.pose, state.placement, at(state.pose.a_frame0),
-                          at(state.pose.a_frame1), at(state.pose.b_frame0), at(state.pose.b_frame1),
-                          expected[j]);
+      element::pose_joint(state.pose, state.placement, entry.palette.data() + j, 2, expected[j]);
     }
     ASSERT_EQ(std::memcmp(palette, expected, sizeof palette), 0);
 

@@ -8,7 +8,7 @@
 #include "render/compute/cpu/levels.hpp"
 #include "render/compute/cpu/posed_bank.hpp"
 #include "render/compute/element/shared_pose.hpp"
-#include "render/crowd/gait_of.hpp"
+#include "render/crowd/motion_graph.hpp"
 
 namespace throng::render {
 namespace {
@@ -28,6 +28,28 @@ TEST(SharedPoseTest, NumberOfASharedPoseIsItself) {
   }
 }
 
+TEST(SharedPoseTest, ActionsHaveRowsOfTheirOwn) {
+  element::Gait gait = gait_of(test::tiny_cast()->members[0].character);
+  gait.action[3] = {{100, 20, 10.0F}, 0.4F, 0};
+  for (const double cycles : {0.0, 0.3, 0.999}) {
+    const element::Motion cheering{4, 4, 1.0F};
+    const element::Pose pose = element::choose_pose(
+        gait, 5, 0.0F, 0.0F, 0.0, static_cast<std::int64_t>(2e6 * cycles), cheering);
+    EXPECT_EQ(pose.action, 4U);
+    for (std::uint32_t tier = 0; tier < element::kTiers; ++tier) {
+      const std::uint32_t number = element::shared_pose_of(pose, gait, tier);
+      EXPECT_EQ(number / element::kPhases, element::kFirstActionRow + 3);
+      const element::Pose shared = element::shared_pose(gait, number);
+      EXPECT_GE(shared.a_frame0, 100U);
+      EXPECT_EQ(element::shared_pose_of(shared, gait, tier), number);
+    }
+  }
+  // who has just begun is still shown as what it did
+  const element::Pose begun =
+      element::choose_pose(gait, 5, 0.0F, 0.0F, 0.0, 0, element::Motion{4, 0, 0.1F});
+  EXPECT_LT(element::shared_pose_of(begun, gait, 0) / element::kPhases, element::kFirstActionRow);
+}
+
 TEST(SharedPoseTest, CoarserTiersTakeFewerPoses) {
   const element::Gait gait = gait_of(test::tiny_cast()->members[0].character);
   for (std::uint32_t tier = 0; tier < element::kTiers; ++tier) {
@@ -44,12 +66,24 @@ TEST(SharedPoseTest, CoarserTiersTakeFewerPoses) {
 }
 
 TEST(SharedPoseTest, EveryPoseOfEveryAgentHasANumber) {
-  const element::Gait gait = gait_of(test::tiny_cast()->members[0].character);
+  element::Gait gait = gait_of(test::tiny_cast()->members[0].character);
+  gait.turn = {30, 10, 20.0F};
+  gait.action[0] = {{100, 20, 10.0F}, 0.4F, 0};
+  gait.action[1] = {{120, 20, 10.0F}, 0.9F, 1};
   for (int i = 0; i < 5000; ++i) {
     const float speed_mps = 4.0F * static_cast<float>(test::noise(5 * i));
+    const auto told = [i](int k) {
+      return static_cast<std::uint32_t>(4.0 * test::noise(5 * i + k));
+    };
     const element::Pose pose =
         element::choose_pose(gait, static_cast<std::uint32_t>(i), speed_mps,
-                             100.0 * test::noise(5 * i + 1) - 50.0, 12'345 * i);
+                             static_cast<float>(4.0 * test::noise(5 * i + 4) - 2.0),
+                             100.0 * test::noise(5 * i + 1) - 50.0, 12'345 * i,
+                             {told(2), told(3), static_cast<float>(test::noise(7 * i))});
+    EXPECT_GE(pose.b_weight, 0.0F);
+    EXPECT_LE(pose.b_weight, 1.0F);
+    EXPECT_GE(pose.c_weight, 0.0F);
+    EXPECT_LE(pose.c_weight, 1.0F);
     for (std::uint32_t tier = 0; tier < element::kTiers; ++tier) {
       ASSERT_LT(element::shared_pose_of(pose, gait, tier), element::kSharedPoses);
     }

@@ -59,7 +59,7 @@ class BuiltinMotionTest : public testing::TestWithParam<std::size_t> {
 
 TEST_P(BuiltinMotionTest, HasIdleWalkAndRunAtThirtyHertz) {
   const Moving m(figure());
-  ASSERT_EQ(m.clips.size(), 3U);
+  ASSERT_GE(m.clips.size(), 3U);
   const render::ClipKind kinds[] = {render::ClipKind::kIdle, render::ClipKind::kWalk,
                                     render::ClipKind::kRun};
   for (int i = 0; i < 3; ++i) {

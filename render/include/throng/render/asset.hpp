@@ -22,8 +22,15 @@ enum class ClipKind : std::uint32_t {
   kWalk = 2,
   kRun = 3,
   kSit = 4,
-  kCheer = 5
+  kCheer = 5,
+  kWave = 6,
+  kTalk = 7,
+  kPhone = 8,
 };
+inline constexpr std::uint32_t kClipKinds = 9;
+
+/// "other", "idle", "walk" ...; null for a number that is no kind.
+const char* name_of(ClipKind kind);
 
 /// First three rows of an affine 4x4 matrix; multiplies column vectors. 48 bytes.
 struct Affine {
@@ -137,6 +144,7 @@ struct Character {
   std::vector<Clip> clips;
   std::span<const Affine> palette;       // [F][J] T * B^-1 of equation 2, model frame
   glm::vec4 bounds{0.0F};                // sphere over all frames of all clips: centre, radius
+  glm::vec4 gait_bounds{0.0F};           // the same over idle, walk and run; `bounds` if unknown
   float height_m = 0.0F;                 // top of the bind pose
   MipImage base_color;                   // sRGB
   MipImage tint_mask;                    // weights r skin, g hair, b top, a bottom; may be empty
@@ -182,6 +190,7 @@ struct CharacterData {
   std::vector<Clip> clips;
   std::vector<Affine> palette;
   glm::vec4 bounds{0.0F};
+  glm::vec4 gait_bounds{0.0F};  // radius 0: as `bounds`
   float height_m = 0.0F;
   std::uint32_t base_color_width_px = 0, base_color_height_px = 0, base_color_levels = 0;
   std::vector<std::uint8_t> base_color;

@@ -19,6 +19,7 @@
 namespace throng::render {
 
 struct Environment;
+struct MotionGraph;
 
 /// Who is in a frame: column i of every frame with this membership belongs to ids[i].
 struct Membership {
@@ -35,7 +36,12 @@ struct AgentFrame {
   std::vector<glm::vec3> position_m;         // [A] offset from the crowd's origin
   std::vector<float> heading_rad;            // [A] or empty; NaN: unknown, derived from motion
   std::vector<std::vector<float>> channels;  // [channel][A], as CrowdSettings::channel_names
+  // What agents do: [A] or empty; 0: stand, walk or run by speed; k: motion_names[k - 1].
+  std::vector<std::uint8_t> motion;
+  std::vector<std::string> motion_names;  // at most kMostMotionNames, of at most 64 bytes
 };
+
+inline constexpr std::size_t kMostMotionNames = 64;
 
 struct CrowdSettings {
   glm::dvec3 origin_world{0.0};  // agents are float32 offsets from it
@@ -76,9 +82,12 @@ struct Snapshot {
   std::vector<glm::vec3> velocity_mps;       // smoothed; how an agent goes on where samples end
   std::vector<float> heading_rad;            // counter-clockwise from +X; NaN: not known yet
   std::vector<float> speed_mps;              // smoothed, decides between idle, walk and run
+  std::vector<float> turn_radps;             // smoothed, to the left: who stands and turns steps
   std::vector<double> walked_cycles;         // sum of step / stride: the phase of walk and run
   std::vector<std::vector<float>> channels;  // [channel][I]
-  glm::vec3 low_m{0.0F}, high_m{0.0F};       // box of the present agents
+  // What agents were told to do and since when (element::pack_motion); empty: nobody anything.
+  std::vector<std::uint32_t> motion;
+  glm::vec3 low_m{0.0F}, high_m{0.0F};  // box of the present agents
   std::uint32_t present_count = 0;
 };
 
@@ -105,7 +114,8 @@ class Crowd {
 
   /// Adds a frame. A frame not newer than the newest is counted (late, duplicate) and dropped: OK.
   /// InvalidArgument names the column, the row, the value and the limit: wrong length, a position
-  /// that is not finite or beyond 1e7 m, an id twice, an unknown character.
+  /// that is not finite or beyond 1e7 m, an id twice, an unknown character. A motion that nobody
+  /// in the cast has is no error: such agents go by their speed; see take_unknown_motions.
   absl::Status push(const AgentFrame& frame);
 
   /// The snapshots around `time_us`; both null while the crowd is empty.
@@ -117,6 +127,8 @@ class Crowd {
     return history_bytes_;
   }
   CrowdCounters counters() const;
+  /// Names of motions that came and that nobody in the cast has, each once.
+  std::vector<std::string> take_unknown_motions();
 
   /// What stands around the crowd; none unless it was set.
   void set_environment(std::shared_ptr<const Environment> environment);
@@ -136,6 +148,7 @@ class Crowd {
       const std::shared_ptr<const PackedSnapshots>& packed) const;
   std::shared_ptr<const Cast> cast_;
   CrowdSettings settings_;
+  std::unique_ptr<const MotionGraph> motions_;
   // columns are derived under push_mutex_ alone, so that viewers don't wait for a push
   std::mutex push_mutex_;
   mutable std::mutex mutex_;  // guards history_, history_bytes_, counters_ and environment_
@@ -156,6 +169,9 @@ class Crowd {
   std::vector<std::uint32_t> free_slots_;
   std::vector<std::uint8_t> moved_;  // by slot: the agent's motion is known (two samples or more)
   std::vector<glm::vec2> way_mps_;   // by slot: motion without sway, which decides the heading
+  // by slot, or empty: when what an agent does has changed
+  std::vector<std::int64_t> motion_since_us_;
+  std::vector<std::string> unknown_motions_, told_motions_;
 };
 
 }  // namespace throng::render

@@ -32,6 +32,12 @@ struct ProducerOptions {
   std::function<std::string(std::uint64_t)> agent_name;
 };
 
+/// What agents do beside standing, walking and running by their speed.
+struct MotionColumn {
+  std::span<const std::uint8_t> motion;  // [A] or empty; 0: by speed; k: names[k - 1]
+  std::span<const std::string> names;    // "sit", "cheer" ...; at most 64
+};
+
 /// Counters since `connect`.
 struct ProducerStats {
   std::uint64_t published = 0;  // calls of publish
@@ -70,10 +76,12 @@ class Producer {
   /// @param positions  [A][3] or [A][2] (z = 0), metres, world frame.
   /// @param headings   [A] or empty; NaN: unknown.
   /// @param channels   [channel][A] as ProducerOptions::channels, or empty.
+  /// @param motions    what agents do; a name that the server's cast has no clip for is as 0.
   /// False, with the reason in `stats().last_error`, if the columns do not fit each other.
   bool publish(std::int64_t time_us, std::span<const std::uint64_t> ids,
                std::span<const double> positions, std::span<const float> headings = {},
-               std::span<const std::span<const float>> channels = {}) noexcept;
+               std::span<const std::span<const float>> channels = {},
+               const MotionColumn& motions = {}) noexcept;
 
   /// Waits until the server has acknowledged what was queued. DeadlineExceeded, or why it can't.
   absl::Status flush(std::chrono::milliseconds timeout);

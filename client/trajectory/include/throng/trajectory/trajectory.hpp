@@ -30,6 +30,7 @@ struct Info {
   double fps = 0.0;                        // nominal rate; 0 when times are irregular
   std::string walkable_area_wkt;           // empty if the file has none
   std::vector<std::string> channel_names;  // extra columns that become colour channels
+  std::vector<std::string> motion_names;   // what Frame::motion counts, at most 64
   std::vector<std::string> notes;          // what was ignored or assumed, for the user
   std::optional<std::uint64_t> seed;       // of a recording: with an id, decided who it was
 };
@@ -43,6 +44,8 @@ struct Frame {
   std::vector<double> x_m, y_m, z_m;         // z_m is empty when everybody stands on z = 0
   std::vector<float> heading_rad;            // empty when the file has none
   std::vector<std::vector<float>> channels;  // [channel][agent], as Info::channel_names
+  // What agents do: 0: stand, walk or run by speed; k: Info::motion_names[k - 1]. Empty: all 0.
+  std::vector<std::uint8_t> motion;
 };
 
 /// Frames of a trajectory file in order of time.
