@@ -65,6 +65,7 @@ class Painter {
         window_px_(window_px),
         insets_(insets),
         font_(font),
+        k_(font->FontSize / kFontPx),
         list_(list) {}
 
   void draw() {
@@ -104,7 +105,7 @@ class Painter {
   }
   /// Centred, with a dark edge.
   void label(const std::string& text, const ImVec2& middle, ImU32 color) {
-    const float height_px = 13.0F * font_->FontSize / kFontPx;
+    const float height_px = 13.0F * k_;
     const glm::dvec2 size = size_of(text, height_px);
     const double x = double{middle.x} - size.x / 2, y = double{middle.y} - size.y / 2;
     for (const auto& [dx, dy] : {std::pair{-1, 0}, {1, 0}, {0, -1}, {0, 1}}) {
@@ -253,7 +254,7 @@ class Painter {
     for (const Placed& one : placed) {
       std::string text = absl::StrCat(one.agent->id);
       if (text.size() > 8) text = absl::StrCat("..", text.substr(text.size() - 6));
-      const double half_px = static_cast<double>(text.size()) * 4.0 + 3.0;
+      const double half_px = static_cast<double>(text.size()) * 4.0 * k_ + 3.0;
       const int row = static_cast<int>(std::lround(one.at.px.y / kCellPx));
       const int first = static_cast<int>(std::floor((one.at.px.x - half_px) / kCellPx)),
                 last = static_cast<int>(std::floor((one.at.px.x + half_px) / kCellPx));
@@ -269,16 +270,18 @@ class Painter {
   double draw_scale(double bottom) {
     const auto on = projector_.project(camera_.target_world);
     if (!on) return bottom;
-    const double length_m = nice_below(std::min(140.0, window_px_.x / 4) / on->px_per_m);
-    const double length_px = length_m * on->px_per_m, x = insets_.left, y = bottom - 36;
-    plate(x, y, length_px + 24, 36);
+    const double length_m = nice_below(std::min(140.0 * k_, window_px_.x / 4) / on->px_per_m);
+    const double length_px = length_m * on->px_per_m, x = insets_.left, y = bottom - 36 * k_;
+    plate(x, y, length_px + 24 * k_, 36 * k_);
     const std::string text = length_m >= 1000 ? absl::StrCat(length_m / 1000, " km")
                              : length_m < 1   ? absl::StrCat(std::round(length_m * 100), " cm")
                                               : absl::StrCat(length_m, " m");
-    write(x + 12 + (length_px - size_of(text, 14).x) / 2, y + 4, 14, kWhite, text);
-    const ImVec2 bar[] = {vec(x + 12, y + 22), vec(x + 12, y + 28), vec(x + 12 + length_px, y + 28),
-                          vec(x + 12 + length_px, y + 22)};
-    list_.AddPolyline(bar, 4, kWhite, 0, 1.6F);
+    write(x + 12 * k_ + (length_px - size_of(text, 14 * k_).x) / 2, y + 4 * k_, 14 * k_, kWhite,
+          text);
+    const ImVec2 bar[] = {vec(x + 12 * k_, y + 22 * k_), vec(x + 12 * k_, y + 28 * k_),
+                          vec(x + 12 * k_ + length_px, y + 28 * k_),
+                          vec(x + 12 * k_ + length_px, y + 22 * k_)};
+    list_.AddPolyline(bar, 4, kWhite, 0, 1.6F * k_);
     return y - 8;
   }
 
@@ -286,28 +289,30 @@ class Painter {
     const std::string text = format_time(viewer_.frame()->message.scene_time_us());
     const std::string& crowd = viewer_.crowd();
     const std::string detail = crowd.size() > 24 ? absl::StrCat(crowd.substr(0, 22), "..") : crowd;
-    const double wide = size_of(text, 17).x, wider = size_of(detail, 14).x;
-    const double x = insets_.left, y = bottom - 30;
-    plate(x, y, wide + wider + 34, 30);
-    write(x + 12, y + 6, 17, kWhite, text);
-    write(x + 22 + wide, y + 8, 14, IM_COL32(185, 198, 211, 255), detail);
+    const double wide = size_of(text, 17 * k_).x, wider = size_of(detail, 14 * k_).x;
+    const double x = insets_.left, y = bottom - 30 * k_;
+    plate(x, y, wide + wider + 34 * k_, 30 * k_);
+    write(x + 12 * k_, y + 6 * k_, 17 * k_, kWhite, text);
+    write(x + 22 * k_ + wide, y + 8 * k_, 14 * k_, IM_COL32(185, 198, 211, 255), detail);
   }
 
   /// Returns where the next one ends.
   double draw_legend(double bottom, const std::string& name, const std::string& unit, double low,
                      double high, const std::function<ImU32(double)>& color_at) {
-    constexpr double kWidth = 172, kHeight = 58, kBar = kWidth - 24;
-    const double x = window_px_.x - insets_.right - kWidth, y = bottom - kHeight;
-    plate(x, y, kWidth, kHeight);
-    write(x + 12, y + 5, 14, kWhite, unit.empty() ? name : absl::StrCat(name, " (", unit, ")"));
-    for (int i = 0; i < static_cast<int>(kBar); ++i) {
-      list_.AddRectFilled(vec(x + 12 + i, y + 26), vec(x + 13 + i, y + 36), color_at(i / kBar));
+    const double width = 172 * k_, height = 58 * k_, bar = width - 24 * k_;
+    const double x = window_px_.x - insets_.right - width, y = bottom - height;
+    plate(x, y, width, height);
+    write(x + 12 * k_, y + 5 * k_, 14 * k_, kWhite,
+          unit.empty() ? name : absl::StrCat(name, " (", unit, ")"));
+    for (int i = 0; i < static_cast<int>(bar); ++i) {
+      list_.AddRectFilled(vec(x + 12 * k_ + i, y + 26 * k_), vec(x + 12 * k_ + i + 1, y + 36 * k_),
+                          color_at(i / bar));
     }
     const std::string texts[] = {format_number(low), format_number((low + high) / 2),
                                  format_number(high)};
     for (int i = 0; i < 3; ++i) {
-      const double wide = size_of(texts[i], 13).x;
-      write(x + 12 + (kBar - wide) * i / 2.0, y + 39, 13, kDim, texts[i]);
+      const double wide = size_of(texts[i], 13 * k_).x;
+      write(x + 12 * k_ + (bar - wide) * i / 2.0, y + 39 * k_, 13 * k_, kDim, texts[i]);
     }
     return y - 8;
   }
@@ -319,6 +324,7 @@ class Painter {
   const glm::dvec2 window_px_;
   const Insets insets_;
   ImFont* const font_;
+  const float k_;  // of sizes, as the font is
   ImDrawList& list_;
 };
 
