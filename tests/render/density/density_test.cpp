@@ -244,6 +244,7 @@ struct Far {
     snapshot->heading_rad.assign(count, 0.3F);
     snapshot->velocity_mps.assign(count, glm::vec3(0.0F));
     snapshot->speed_mps.assign(count, 0.0F);
+    snapshot->turn_radps.assign(count, 0.0F);
     snapshot->walked_cycles.assign(count, 0.0);
     snapshot->present.assign(count, 1);
     snapshot->roster = roster;
