@@ -145,8 +145,8 @@ void add_crowd(CLI::App& command, Flags& flags, std::uint32_t& agents,
       ->check(CLI::IsMember({"budget", "dong2019"}));
   command
       .add_option("--geometry", flags.geometry,
-                  "batched (the published method), fused, or both in turns (default: both, gl and "
-                  "cuda batched)")
+                  "batched (the published method), fused, or both in turns (default: both, gl "
+                  "batched)")
       ->check(CLI::IsMember({"batched", "fused", "both"}));
   command
       .add_option("--pose", flags.pose,
@@ -376,7 +376,7 @@ int run(int argc, char** argv) {
     return usage("--size: '" + flags.size + "' must be WxH with 1 to 16384 px a side");
   }
   flags.paper.compute = compute == "cuda" ? render::BackendKind::kCuda : render::BackendKind::kCpu;
-  const bool only_batched = flags.raster == "gl" || compute == "cuda";
+  const bool only_batched = flags.raster == "gl";
   if (flags.geometry.empty()) flags.geometry = only_batched ? "batched" : "both";
   if (flags.geometry != "batched" && flags.raster == "gl") {
     return usage("--geometry: '" + flags.geometry + "' must be batched with --raster gl");
