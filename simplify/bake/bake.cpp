@@ -170,7 +170,10 @@ absl::StatusOr<BakeResult> bake(const SourceCharacter& original, const BakeOptio
   data.tint_mask = std::move(surface->tint_mask.texels);
   sample_points(data);
   // the published rule knows textures only
-  if (!is_peng) make_corner_tones(data, posed_vertices(*surface, *order, poses));
+  if (!is_peng) {
+    make_corner_tones(data, posed_vertices(*surface, *order, poses),
+                      toned_count(surface->wedge_count()));
+  }
   result.point_count = surface->point_count();
   result.pose_count = poses.count;
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();

@@ -71,6 +71,10 @@ struct CollapseOrder {
 absl::StatusOr<CollapseOrder> collapse(const Surface& surface, const PoseSet& poses,
                                        const CollapseOptions& options = {});
 
+/// Levels of at most so many of a surface's wedges are chosen as if they had colours of their own
+/// (render::CornerTones): their texture is torn.
+std::uint32_t toned_count(std::uint32_t wedge_count);
+
 /// Checks at every legal vertex count n that each triangle drawn has three distinct corners and
 /// that each vertex below n is one of them. Internal names the vertex or triangle and the count.
 absl::Status check_levels(const render::Character& character);

@@ -80,7 +80,7 @@ class Contraction {
 
  private:
   bool is_toned() const {
-    return mesh_.alive_wedges() <= std::min(kToned, mesh_.surface().wedge_count() / kTonedShare);
+    return mesh_.alive_wedges() <= toned_count(mesh_.surface().wedge_count());
   }
 
   /// Lists what is alive.
@@ -457,6 +457,10 @@ class Contraction {
 };
 
 }  // namespace
+
+std::uint32_t toned_count(std::uint32_t wedge_count) {
+  return std::min(kToned, wedge_count / kTonedShare);
+}
 
 void contract(std::uint32_t coarsest_count, float size_m, PoseCost& poses,
               const AttributeCost& attributes, Views& views, float& error_m, WedgeMesh& mesh,

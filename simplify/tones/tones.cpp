@@ -174,7 +174,7 @@ class Toner {
     for (std::size_t p = 0; p < poses.size(); ++p) add_pictures(poses[p], static_cast<float>(p));
   }
 
-  void run();
+  void run(std::uint32_t least_count);
 
  private:
   void add_pictures(const std::vector<glm::vec3>& pose, float number);
@@ -187,7 +187,7 @@ class Toner {
   /// Mean squared errors of a level with tones and with the texture.
   std::array<double, 2> errors(const Mesh& mesh, const std::vector<Corners>& tones,
                                std::span<const Picture> pictures) const;
-  std::uint32_t choose_count() const;
+  std::uint32_t choose_count(std::uint32_t least_count) const;
 
   CharacterData& data_;
   Textures textures_;
@@ -423,7 +423,7 @@ std::array<double, 2> Toner::errors(const Mesh& mesh, const std::vector<Corners>
   return error;
 }
 
-std::uint32_t Toner::choose_count() const {
+std::uint32_t Toner::choose_count(std::uint32_t least_count) const {
   const auto all = static_cast<std::uint32_t>(data_.position.size());
   std::vector<std::uint32_t> counts;  // rising, a fifth apart
   for (std::uint32_t n = data_.legal_count[std::min(kMostCount, all / 4)];
@@ -434,8 +434,9 @@ std::uint32_t Toner::choose_count() const {
   if (counts.empty() || counts.back() != data_.coarsest_count)
     counts.push_back(data_.coarsest_count);
   std::reverse(counts.begin(), counts.end());
-  std::uint32_t best = 0;
+  std::uint32_t best = data_.legal_count[std::min(least_count, all)];
   for (const std::uint32_t n : counts) {
+    if (n <= best) continue;
     const Mesh mesh = mesh_at(data_, n);
     // by pictures that were not fitted to: a fit is better in its own
     const std::span<const Picture> all(pictures_), half = all.first((all.size() + 1) / 2);
@@ -447,8 +448,8 @@ std::uint32_t Toner::choose_count() const {
   return best;
 }
 
-void Toner::run() {
-  std::uint32_t count = choose_count();
+void Toner::run(std::uint32_t least_count) {
+  std::uint32_t count = choose_count(least_count);
   std::uint32_t first = 0;
   while (count > 0 && data_.tone_band.size() < render::CornerTones::kMostBands) {
     const auto wanted = static_cast<std::uint32_t>(kBandRatio * static_cast<float>(count));
@@ -470,11 +471,12 @@ void Toner::run() {
 
 }  // namespace
 
-void make_corner_tones(CharacterData& data, const std::vector<std::vector<glm::vec3>>& poses) {
+void make_corner_tones(CharacterData& data, const std::vector<std::vector<glm::vec3>>& poses,
+                       std::uint32_t least_count) {
   data.tone_band.clear();
   data.corner_tone.clear();
   if (poses.empty() || data.position.empty() || data.coarsest_count == 0) return;
-  Toner(data, poses).run();
+  Toner(data, poses).run(least_count);
 }
 
 }  // namespace throng::simplify

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <glm/glm.hpp>
 #include <vector>
 
@@ -20,7 +21,9 @@ namespace throng::simplify {
 /// tells which is.
 ///
 /// @param poses  [P][C] positions of the vertices, metres, model frame; none: no tones
+/// @param least_count  levels of at most so many vertices have tones in any case
 void make_corner_tones(render::CharacterData& data,
-                       const std::vector<std::vector<glm::vec3>>& poses);
+                       const std::vector<std::vector<glm::vec3>>& poses,
+                       std::uint32_t least_count = 0);
 
 }  // namespace throng::simplify
