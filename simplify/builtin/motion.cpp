@@ -442,7 +442,7 @@ class Animator {
     each_frame(clip, [&](Pose& pose, float t) {
       const float angle = 2.0F * kPi * t;
       const float size = (leg_.thigh_m + leg_.shin_m) / kUnit;
-      stand(pose, 0.0F, 0.012F * size);
+      stand(pose, 0.0F, 0.005F * size);
       // over the foot that stands
       pose.root_offset.y = 0.035F * size * std::cos(angle - kPi * kStance);
       pose.rotate(joint("head"), about_z(8.0F));
