@@ -13,7 +13,9 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <thread>
+#include <utility>
 
 #include "server/doctor.hpp"
 #include "server/rpc/server.hpp"
@@ -202,6 +204,12 @@ int main(int argc, char** argv) {
                  "detail, the state machine of Lyu et al. (fewer poses, then points), or nothing")
       ->capture_default_str()
       ->check(CLI::IsMember({"fixed", "predictive", "sfsm"}));
+  std::string form = "auto";
+  app.add_option("--form", form,
+                 "What agents are drawn as: what the controller takes, levels of meshes, relief "
+                 "impostors, points, or each as what is cheapest and looks right")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"auto", "mesh", "impostor", "points", "mixed"}));
   app.add_option("--threads", pipeline.threads, "Render threads (0: one for each core)")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
@@ -243,6 +251,14 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? kOk : kUsage;
   }
   options.controller = throng::render::controller_named(controller).value();
+  using throng::render::FormRule;
+  constexpr std::pair<std::string_view, FormRule> kForms[] = {{"mesh", FormRule::kMesh},
+                                                              {"impostor", FormRule::kImpostor},
+                                                              {"points", FormRule::kPoints},
+                                                              {"mixed", FormRule::kMixed}};
+  for (const auto& [name, rule] : kForms) {
+    if (form == name) options.form = rule;
+  }
   const bool is_fixed = options.controller == throng::render::ControllerKind::kFixed;
   if (vertex_budget->count() > 0 || is_fixed) options.target_ms = 0.0;
 

@@ -6,6 +6,7 @@
 
 #include "render/control/cost_model.hpp"
 #include "render/control/sfsm.hpp"
+#include "render/control/work_model.hpp"
 #include "throng/render/control.hpp"
 
 namespace throng::render {
@@ -16,6 +17,7 @@ ControlSettings sensible(ControlSettings settings) {
   settings.most_budget = std::max(settings.most_budget, settings.least_budget);
   settings.start_budget =
       std::clamp(settings.start_budget, settings.least_budget, settings.most_budget);
+  if (!(settings.least_error_px > 0.0F)) settings.least_error_px = 0.05F;
   if (!(settings.k_per_m > 0.0F)) settings.k_per_m = 0.075F;
   if (!(settings.settled_m > 0.0F)) settings.settled_m = 15.0F;
   if (!(settings.least_point_px > 0.0F)) settings.least_point_px = 1.0F;
@@ -36,7 +38,9 @@ class FixedController final : public BudgetController {
   std::uint64_t budget_;
 };
 
-/// Solves the cost model for the vertices that fit into the target. The budget stays where it is
+/// Leaves it to the backend to choose, of what is in view, what fits into the target by the costs
+/// that it learned. Where the backend does not say what it drew (FrameWork), it solves a simpler
+/// model for the vertices that fit. The budget stays where it is
 /// while it comes out right, so that a standing crowd does not shimmer.
 class PredictiveController final : public BudgetController {
  public:
@@ -44,7 +48,25 @@ class PredictiveController final : public BudgetController {
       : settings_(settings), budget_(settings.start_budget) {}
   std::string_view name() const override { return "predictive"; }
 
-  void record(const FrameCost& cost) override { model_.record(cost); }
+  void record(const FrameCost& cost) override {
+    model_.record(cost);
+    work_model_.record(cost);
+    knows_work_ = cost.work.known;
+  }
+
+  FramePlan next_plan(double target_ms) override {
+    FramePlan plan;
+    plan.vertex_budget = next_budget(target_ms);
+    if (!(target_ms > 0.0) || !std::isfinite(target_ms)) target_ms = last_target_ms_;
+    last_target_ms_ = target_ms;
+    if (!(target_ms > 0.0)) return plan;
+    if (knows_work_) plan.vertex_budget = settings_.most_budget;
+    plan.mixed = true;
+    plan.budget_ms = target_ms;
+    plan.least_error_px = settings_.least_error_px;
+    plan.cost = work_model_.cost();
+    return plan;
+  }
 
   std::uint64_t next_budget(double target_ms) override {
     if (!(target_ms > 0.0) || !std::isfinite(target_ms) || model_.empty()) return budget_;
@@ -70,6 +92,9 @@ class PredictiveController final : public BudgetController {
 
   ControlSettings settings_;
   CostModel model_;
+  WorkModel work_model_;
+  bool knows_work_ = false;
+  double last_target_ms_ = 0.0;
   std::uint64_t budget_;
 };
 

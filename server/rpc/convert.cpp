@@ -290,6 +290,9 @@ void fill_stats(const EncodedFrame& frame, v1::FrameStats& message) {
   message.set_as_impostors(drawn_as(render::Representation::kImpostor));
   message.set_as_points(drawn_as(render::Representation::kPoints));
   message.set_left_out(drawn_as(render::Representation::kNone));
+  message.set_as_specks(drawn_as(render::Representation::kSpeck));
+  message.set_target_ms(frame.target_ms);
+  message.set_error_px(counters.error_px);
 }
 
 void fill_frame(const OutgoingFrame& outgoing, v1::StreamViewResponse& message) {

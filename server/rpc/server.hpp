@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "server/rpc/bind_rules.hpp"
@@ -26,6 +27,7 @@ struct ServerOptions {
   std::uint64_t default_vertex_budget = 1'000'000;
   double target_ms = 0.0;  // over 0: views that ask for no budget get what a frame this long allows
   render::ControllerKind controller = render::ControllerKind::kPredictive;
+  std::optional<render::FormRule> form;  // none: as the controller wants
   std::string version = "0";
   unsigned ingest_threads = 2;
   std::chrono::milliseconds keepalive_time{20'000};     // a ping after this long without traffic

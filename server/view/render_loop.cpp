@@ -63,6 +63,7 @@ struct EncodeJob {
   std::shared_ptr<EncodedFrame> frame;
   ImageFormat format = ImageFormat::kJpeg;
   int jpeg_quality = 80;
+  double target_ms = 0.0;
   Clock::time_point began;
   FrameKey key;
   Recipients recipients;
@@ -370,11 +371,19 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
     const render::FramePlan plan = controlled_plan(recipients, now);
     settings.selection.vertex_budget = plan.vertex_budget;
     if (plan.points) settings.selection.form = render::FormRule::kPoints;
+    if (plan.mixed) {
+      settings.selection.form = render::FormRule::kMixed;
+      settings.selection.mixed.budget_ms = plan.budget_ms;
+      settings.selection.mixed.least_error_px = plan.least_error_px;
+      settings.selection.mixed.cost = plan.cost;
+    }
     settings.selection.point_size_px = plan.point_size_px;
+    next.target_ms = plan.budget_ms;
     const std::lock_guard lock(mutex);
     settings.selection.motion = {plan.motion_distance_m, plan.motion_k_per_m,
                                  counters.rendered_frames};
   }
+  if (options.form.has_value()) settings.selection.form = *options.form;
   settings.look.shadows = view.shadows;
   settings.channel = view.channel.empty() ? -1 : view.crowd->channel_index(view.channel);
   settings.look.color_by_channel = settings.channel >= 0;
@@ -397,6 +406,7 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   next.frame->camera = settings.camera;
   next.frame->overview = overview;
   next.frame->vertex_budget = settings.selection.vertex_budget;
+  next.frame->target_ms = next.target_ms;
   next.frame->scene_time_us = scene_time_us;
   next.frame->followed_agent = followed_agent;
   next.frame->agents = agents;
@@ -466,7 +476,9 @@ void RenderLoop::State::record(const Recipients& recipients, const render::Frame
                                            times.allocate_ms + times.generate_ms + times.raster_ms +
                                            times.resolve_ms + times.read_back_ms,
                                .visible = stats.counters.visible,
-                               .vertices = stats.counters.vertices};
+                               .vertices = stats.counters.vertices,
+                               .farthest_m = stats.counters.farthest_m,
+                               .work = stats.counters.work};
   const std::lock_guard lock(mutex);
   for (const auto& [viewer, index] : recipients.viewers) {
     const auto control = controls.find(viewer.get());

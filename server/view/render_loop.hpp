@@ -22,6 +22,7 @@ struct RenderLoopOptions {
   double target_ms = 0.0;
   render::ControllerKind controller =
       render::ControllerKind::kPredictive;  // how they are kept to it
+  std::optional<render::FormRule> form;     // none: as the controller wants
   std::uint32_t max_pending_pictures = 16;
   Now now = [] { return Clock::now(); };
 };

@@ -51,6 +51,7 @@ struct EncodedFrame {
   WorldBox overview;  // what an overview of this moment shows
   render::FrameStats stats;
   std::uint64_t vertex_budget = 0;
+  double target_ms = 0.0;  // 0: it was not kept to any
   std::int64_t scene_time_us = 0;
   std::uint64_t followed_agent = 0;  // 0: nobody, or it is not there
   AgentsAt agents;                   // who is in the picture

@@ -219,11 +219,14 @@ class CpuBackend final : public ComputeBackend {
     counters.agents = own->instances->present;
     counters.visible = own->visible_agents;
     if (own->stage < ViewStage::kSelected) return counters;
+    counters.work = own->work;
+    counters.error_px = own->error_px;
     counters.drawn_as[static_cast<std::size_t>(Representation::kSpeck)] = own->speck_count;
     counters.drawn_as[static_cast<std::size_t>(Representation::kNone)] = own->left_out;
     // the surroundings come last
     const std::uint32_t listed = counters.visible - own->speck_count - own->left_out;
     for (std::uint32_t i = 0; i < listed; ++i) {
+      counters.farthest_m = std::max(counters.farthest_m, own->distance_m[i]);
       const Representation form =
           own->representation.size() == 0 ? Representation::kMesh : own->representation[i];
       ++counters.drawn_as[static_cast<std::size_t>(form)];

@@ -63,6 +63,8 @@ Split split(const SplitJob& job, std::size_t begin, std::size_t end, std::uint32
       const float height_m = state.placement.scale * table.character->height_m;
       const float height_px = px_per_m * height_m;
       // each agent's limits lie up to a fifth apart, so that a row of them does not change at once
+      // who sits or cheers is shown standing: that shows sooner
+      const float acting = element::is_acting(state.pose) ? 2.5F : 1.0F;
       const float limit_px = mixed.error_px / mixed.speck_error;
       if (height_px < 1.1F * limit_px) {
         const float own = element::unit_from_seed(state.seed, element::kSeedForm);
@@ -72,7 +74,7 @@ Split split(const SplitJob& job, std::size_t begin, std::size_t end, std::uint32
             table.error.vertex_count[ErrorTable::step_of(mixed.error_px / px_per_m)];
         const float mesh_us =
             element::fused(mixed.mesh_vertex_us, static_cast<float>(vertices), mixed.mesh_us);
-        if (height_px * (0.9F + 0.2F * own) < limit_px && speck_us < mesh_us) {
+        if (height_px * (0.9F + 0.2F * own) * acting < limit_px && speck_us < mesh_us) {
           // of those that are too small some stand for all: as much larger as they are fewer
           const float kept = height_px / mixed.least_px;
           const float larger = kept < 1.0F ? 1.0F / kept : 1.0F;

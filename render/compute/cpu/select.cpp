@@ -83,10 +83,10 @@ class Dealer {
 };
 
 /// Who shares a pose, and how coarse it may be.
-void choose_tiers(CpuView& view, PoseMode mode, WorkPool& pool) {
+void choose_tiers(CpuView& view, const Selection& selection, WorkPool& pool) {
   const std::size_t count = view.visible.size();
   view.tier.resize(count);
-  if (mode == PoseMode::kExact) {
+  if (selection.pose_mode == PoseMode::kExact) {
     std::fill_n(view.tier.data(), count, kOwnPose);
     return;
   }
@@ -100,7 +100,7 @@ void choose_tiers(CpuView& view, PoseMode mode, WorkPool& pool) {
               ? element::shared_tier(instance, view.instances->state[instance.slot].pose,
                                      view.distance_m[i],
                                      cast.characters[instance.character].character->height_m,
-                                     view.projection, frustum)
+                                     view.projection, frustum, selection.pose_error_px)
               : kOwnPose;
     }
   });
@@ -108,7 +108,14 @@ void choose_tiers(CpuView& view, PoseMode mode, WorkPool& pool) {
 
 }  // namespace
 
-void select(CpuView& view, const Selection& selection, Machine machine) {
+void select(CpuView& view, const Selection& asked, Machine machine) {
+  Selection selection = asked;
+  view.work = {};
+  if (selection.form == FormRule::kMixed && selection.mixed.budget_ms > 0.0) {
+    fit_error(view, selection);
+  } else {
+    view.error_px = 0.0F;
+  }
   if (selection.form == FormRule::kMixed && selection.mixed.specks) {
     list_mixed(view, selection.mixed, machine.pool, machine.kernels);
   } else {
@@ -118,7 +125,7 @@ void select(CpuView& view, const Selection& selection, Machine machine) {
   view.share.resize(count);
   view.geometry = selection.geometry;
   view.motion = selection.motion;
-  choose_tiers(view, selection.pose_mode, machine.pool);
+  choose_tiers(view, selection, machine.pool);
   choose_forms(view, selection, machine.pool);
   if (selection.form == FormRule::kMixed) {
     deal_by_error(view, selection, machine.pool);

@@ -105,13 +105,16 @@ struct Sums {
   }
 };
 
-Sums sums_of(const std::vector<PosedPoint>& points, const Cells& cells, const View& view, int row) {
-  Sums sums;
+/// Of a row, left and right of the feet.
+std::array<Sums, 2> sums_of(const std::vector<PosedPoint>& points, const Cells& cells,
+                            const View& view, int row) {
+  std::array<Sums, 2> both;
   for (int column = 0; column < cells.columns; ++column) {
     const std::int32_t i = cells.point[static_cast<std::size_t>(row * cells.columns + column)];
     if (i < 0) continue;
     const PosedPoint& point = points[static_cast<std::size_t>(i)];
     const float x = cells.x_low + (static_cast<float>(column) + 0.5F) * cells.side;
+    Sums& sums = both[x < 0.0F ? 0 : 1];
     sums.count += 1.0F;
     sums.x += x;
     sums.squares += x * x;
@@ -120,7 +123,7 @@ Sums sums_of(const std::vector<PosedPoint>& points, const Cells& cells, const Vi
     for (int k = 0; k < 3; ++k) sums.facing[2 * k + (n[k] < 0.0F ? 1 : 0)] += n[k] * n[k];
     for (int t = 0; t < 5; ++t) sums.tone[t] += point.tone[t];
   }
-  return sums;
+  return both;
 }
 
 std::uint8_t byte_of(float share) {
@@ -234,18 +237,22 @@ std::shared_ptr<const SpeckTable> make_speck_table(const std::shared_ptr<const C
       SpeckImage& place = table->image[image];
       place = {1e9F, -1e9F, cells->y_low / height_m,
                (cells->y_low + cells->side * kRows) / height_m};
-      std::array<Sums, kRows> sums;
+      std::array<std::array<Sums, 2>, kRows> sums;
       for (int row = 0; row < kRows; ++row) {
         sums[static_cast<std::size_t>(row)] = sums_of(points, *cells, view, row);
       }
       for (std::uint32_t level = 0; level < SpeckTable::kLevels; ++level) {
         const int rows = kRows >> level;
-        for (int k = 0; k < 1 << level; ++k, ++slab) {
+        const int columns = static_cast<int>(SpeckTable::columns(level));
+        for (int k = 0; k < columns << level; ++k, ++slab) {
           Sums sum;
-          for (int row = k * rows; row < (k + 1) * rows; ++row) {
-            sum.add(sums[static_cast<std::size_t>(row)]);
+          const int begin = k / columns * rows, end = begin + rows;
+          for (int row = begin; row < end; ++row) {
+            const std::array<Sums, 2>& both = sums[static_cast<std::size_t>(row)];
+            if (columns == 1 || k % 2 == 0) sum.add(both[0]);
+            if (columns == 1 || k % 2 == 1) sum.add(both[1]);
           }
-          *slab = average(sum, *cells, view, height_m, k * rows, (k + 1) * rows);
+          *slab = average(sum, *cells, view, height_m, begin, end);
           if (slab->fill == 0) continue;
           place.x_low =
               std::min(place.x_low, static_cast<float>(slab->low) / SpeckSlab::kPerHeight);

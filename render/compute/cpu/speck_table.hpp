@@ -30,16 +30,26 @@ struct SpeckImage {
 };
 
 /// Pictures of the cast in a few slabs each, made from its surface points: what a figure of a few
-/// pixels looks like once it is averaged over them. Level l of a picture has 2^l slabs, from the
-/// lowest up, behind those of the levels before.
+/// pixels looks like once it is averaged over them. Level l of a picture has 2^l rows of slabs,
+/// from the lowest up, behind those of the levels before; a row has one slab, or from level 3 on
+/// two, of what is left and right of the feet.
 struct SpeckTable {
   static constexpr std::uint32_t kLevels = 5;
-  static constexpr std::uint32_t kSlabs = (1U << kLevels) - 1;
+  static constexpr std::uint32_t columns(std::uint32_t level) { return level < 3 ? 1U : 2U; }
+  static constexpr std::uint32_t first_slab(std::uint32_t level) {
+    std::uint32_t first = 0;
+    for (std::uint32_t l = 0; l < level; ++l) first += columns(l) << l;
+    return first;
+  }
+  static constexpr std::uint32_t kSlabs = 1 + 2 + 4 + 16 + 32;
+  static constexpr std::uint32_t kMostSlabs = 32;  // of a level
   std::shared_ptr<const CastTable> cast;
   std::vector<std::uint8_t> has_images;  // by character: who was baked without points has none
   std::vector<SpeckImage> image;         // [characters * element::kSpeckImages]
   std::vector<SpeckSlab> slab;           // [kSlabs] for each
 };
+
+static_assert(SpeckTable::first_slab(SpeckTable::kLevels) == SpeckTable::kSlabs);
 
 /// Takes about a hundred milliseconds for a cast of 14.
 std::shared_ptr<const SpeckTable> make_speck_table(const std::shared_ptr<const CastTable>& cast,

@@ -2,6 +2,7 @@
 
 #include <absl/status/status.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <memory>
@@ -56,6 +57,8 @@ struct CpuView final : ViewWork {
   Buffer<Speck> specks;
   std::vector<SpeckRun> speck_runs;  // by chunk of slots
   std::shared_ptr<const SpeckTable> speck_table;
+  FrameWork work;         // where a time was asked for
+  float error_px = 0.0F;  // chosen then, and kept by the next frame as long as it fits
   std::uint32_t speck_count = 0, left_out = 0;  // agents that are not among the visible instances
   Buffer<Splat> splats;
   Buffer<std::uint32_t> splat_offset;     // [V+1]
@@ -122,6 +125,12 @@ void list_visible(CpuView& view, WorkPool& pool, const Kernels& kernels);
 /// The visible list without those that are drawn as specks or left out, and the specks.
 /// `view.speck_table` is that of the cast.
 void list_mixed(CpuView& view, const MixedForms& mixed, WorkPool& pool, const Kernels& kernels);
+
+/// The error at which a frame takes MixedForms::budget_ms, by a sample of who is in view.
+void fit_error(CpuView& view, Selection& selection);
+
+/// What shared poses may be off by where everything else is off by `error_px`.
+inline float pose_error_of(float error_px) { return std::min(0.5F * error_px, 0.5F); }
 
 void select(CpuView& view, const Selection& selection, Machine machine);
 

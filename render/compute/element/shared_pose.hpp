@@ -109,14 +109,15 @@ inline constexpr float kSharedDrawnOutPx = 60.0F;
 inline constexpr std::uint8_t kOwnPose = 0xff;
 
 /// How coarse an agent's shared pose may be: the coarsest tier that is off by less than
-/// kSharedErrorPx, or kOwnPose. Each agent's limits lie up to a tenth apart, so that a row of them
+/// `error_px`, or kOwnPose. Each agent's limits lie up to a tenth apart, so that a row of them
 /// does not change at once. Who goes over from one clip to another shares only where that is hard
 /// to see. Only agents wholly between the near and the far plane share.
 /// @param height_m  of the character, unscaled.
 THRONG_HOST_DEVICE inline std::uint8_t shared_tier(const VisibleInstance& instance,
                                                    const Pose& pose, float distance_m,
                                                    float height_m, const Projection& projection,
-                                                   const Frustum& frustum) {
+                                                   const Frustum& frustum,
+                                                   float error_px = kSharedErrorPx) {
   const glm::vec3& p = instance.position_relative;
   bool is_between = true;
   float inside_m = 0.0F;  // of the near plane, which comes last
@@ -142,7 +143,7 @@ THRONG_HOST_DEVICE inline std::uint8_t shared_tier(const VisibleInstance& instan
   const float height_px = px_per_m * instance.scale * height_m;
   if (height_px > kSharedBlendPx && is_blending(pose)) return kOwnPose;
   for (std::uint32_t tier = kTiers; tier-- > 0;) {
-    if (height_px * tier_error(tier) < kSharedErrorPx) return static_cast<std::uint8_t>(tier);
+    if (height_px * tier_error(tier) < error_px) return static_cast<std::uint8_t>(tier);
   }
   return kOwnPose;
 }

@@ -83,6 +83,8 @@ struct Selection {
   MixedForms mixed{};
   // diameter of the points of who is drawn so; as many points as need not be larger
   float point_size_px = 1.25F;
+  // who would be off by more in a shared pose has one of its own
+  float pose_error_px = 0.25F;
   MotionUpdate motion = {};     // of agents with vertices of their own
   bool on_device = false;       // leave geometry where it was made; of cuda only
   bool read_instances = false;  // of what is left there, the visible instances are read back
@@ -142,6 +144,9 @@ struct ComputeCounters {
   std::uint32_t held_poses = 0;        // agents moved as they were (MotionUpdate)
   std::uint32_t shared_poses = 0;      // agents that share theirs
   std::uint32_t posed_meshes = 0;      // made for this frame; the rest were there
+  FrameWork work{};                    // where MixedForms::budget_ms was asked for: an estimate
+  float error_px = 0.0F;               // and what was chosen for it
+  float farthest_m = 0.0F;             // visible agent that is no speck
   std::uint64_t view_bytes = 0;        // memory of the view
   std::uint64_t posed_bytes = 0;       // of posed meshes, shared by all views
   DeviceTimes device;

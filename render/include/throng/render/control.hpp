@@ -7,6 +7,8 @@
 #include <memory>
 #include <string_view>
 
+#include "throng/render/representation.hpp"
+
 namespace throng::render {
 
 /// kFixed: the user's N. kPredictive: the N that a frame of the wanted length allows. kSfsm: the
@@ -21,6 +23,7 @@ struct ControlSettings {
   std::uint64_t start_budget = 1'000'000;  // vertices; what kFixed stays at
   std::uint64_t least_budget = 50'000;
   std::uint64_t most_budget = 20'000'000;
+  float least_error_px = 0.05F;  // kPredictive spends no time on what is less off
   // kSfsm
   float k_per_m = 0.075F;       // how fast far agents' motion gets rare, 0.05 to 0.1
   float settled_m = 15.0F;      // h: steps of the learned distance under this end the learning
@@ -34,11 +37,18 @@ struct FrameCost {
   std::uint32_t visible = 0;   // agents drawn
   std::uint64_t vertices = 0;  // drawn; under the budget where the crowd has no more detail
   double farthest_m = 0;       // L: farthest agent in view; 0: not known
+  FrameWork work{};
 };
 
 /// What a view's next frame is drawn with.
 struct FramePlan {
   std::uint64_t vertex_budget = 0;
+  // kPredictive: each agent in the cheapest form that looks right, and what looks right is chosen
+  // by these costs so that the frame takes its time
+  bool mixed = false;
+  double budget_ms = 0.0;
+  float least_error_px = 0.05F;
+  WorkCost cost{};
   bool points = false;             // agents are drawn by points instead of meshes
   float point_size_px = 1.25F;     // then
   float motion_distance_m = 0.0F;  // who is farther is posed less often; 0: all in every frame

@@ -18,6 +18,33 @@ inline constexpr std::uint32_t kRepresentations = 5;
 /// Which agents of a view are drawn as what. kMixed: each in the cheapest form that looks right.
 enum class FormRule : std::uint8_t { kMesh, kImpostor, kPoints, kMixed };
 
+/// What a frame's time goes by.
+struct FrameWork {
+  enum Part {
+    kOwn,             // thousands of agents in a pose of their own
+    kOwnVertices,     // millions of vertices of those
+    kShared,          // thousands of agents that share one
+    kSharedVertices,  // millions
+    kSpecks,          // thousands
+    kSpeckPixels,     // millions
+    kMeshPixels,      // millions, of all figures but specks
+    kParts
+  };
+  bool known = false;  // false: the backend did not say
+  double part[kParts] = {};
+};
+
+/// Milliseconds of a frame: fixed_ms, and for each unit of its work.
+struct WorkCost {
+  double fixed_ms = 7.0;
+  double ms[FrameWork::kParts] = {4.0, 25.0, 0.6, 14.0, 0.15, 10.0, 30.0};
+  double of(const FrameWork& work) const {
+    double sum = fixed_ms;
+    for (int i = 0; i < FrameWork::kParts; ++i) sum += ms[i] * work.part[i];
+    return sum;
+  }
+};
+
 /// What kMixed goes by: every agent in the cheapest form that is off by at most `error_px`.
 ///
 /// Costs are microseconds of one agent; the defaults were measured with the visibility rasterizer
@@ -36,6 +63,10 @@ struct MixedForms {
   float speck_error = 0.05F;
   // of those that are less high some stand for all
   float least_px = 1.0F;
+  // over 0: error_px is chosen for each frame so that it takes this time by `cost`
+  double budget_ms = 0.0;
+  float least_error_px = 0.05F, most_error_px = 4.0F;
+  WorkCost cost{};
 };
 
 /// A visible instance of fused geometry. 24 bytes.

@@ -42,8 +42,8 @@ struct SpeckTile {
 };
 
 /// Specks of a frame: placed, listed by tile, blended front to back by the share of each pixel that
-/// they cover. Two that meet in a pixel are taken to lie in it at random. The picture does not
-/// depend on their order in the list as long as no two are equally far.
+/// they cover. Two that meet in a pixel are taken to lie in it at random. Of two that are about
+/// equally far the first of the list comes first.
 class SpeckStage {
  public:
   void place(const FrameGeometry& geometry, const SpeckScene& scene, std::uint32_t tiles_x,

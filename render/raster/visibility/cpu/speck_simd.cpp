@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 #include "render/compute/cpu/speck_table.hpp"
 #include "render/raster/element/instance_shade.hpp"
@@ -20,8 +21,8 @@
 namespace throng::render::visibility {
 
 /// What is the same for all specks of a tile: the light on a surface that faces right, left, the
-/// eye, away, up or down (rows: rgb of what the sun gives, of what the sky gives, of what is
-/// reflected whatever the colour, under open sky and anywhere), and where shadows fall.
+/// eye, away, up or down (rows: rgb of what comes anyway, of what comes under open sky, and of what
+/// is reflected then whatever the colour), and where shadows fall.
 struct SpeckLight {
   alignas(64) float row[6][16];
   float tall[element::kSpeckElevations];  // height here of a picture made at an elevation
@@ -130,17 +131,15 @@ SpeckLight LightOf(const SpeckScene& speck_scene, float x_px, float y_px) {
     float facing = element::clamp01((element::dot3(n, sun) + 0.22F) * (1.0F / 1.22F));
     facing = facing * (facing * 0.4F + 0.6F);
     const float up_share = n.z * 0.5F + 0.5F;
-    const float edge = 1.0F - element::clamp01(element::dot3(n, to_eye));
-    const float rim = ((edge * edge) * edge) * (((n.z * n.z) * 0.65F + 0.35F) * 0.16F);
-    float gloss = element::clamp01(element::dot3(n, element::unit3(sun + to_eye)));
-    for (int power = 0; power < 4; ++power) gloss = gloss * gloss;
+    // of 1 - cos cubed, the mean over what is seen of a round figure; gloss shows nowhere so small
+    constexpr float kEdge = 0.15F;
+    const float rim = kEdge * (((n.z * n.z) * 0.65F + 0.35F) * 0.16F);
     float* row = light.row[k];
     for (int c = 0; c < 3; ++c) {
       const float sky = scene.sky_color[c], low = scene.ground_light[c];
       row[c] = 0.75F * facing * scene.sun_color[c];
       row[4 + c] = 0.25F * facing * scene.sun_color[c] + (low + up_share * (sky - low));
       row[8 + c] = rim * sky;
-      row[12 + c] = (gloss * facing) * 0.035F * scene.sun_color[c];
     }
     for (int j = 0; j < 16; ++j) row[j] *= 1.0F / 255.0F;
   }
@@ -168,15 +167,16 @@ SpeckLight LightOf(const SpeckScene& speck_scene, float x_px, float y_px) {
   light.along = on_picture(blob.away.x, blob.away.y) * (blob.reach + 0.15F);
   light.across = on_picture(-blob.away.y * 0.43F, blob.away.x * 0.43F);
   const float slope = scene.orthographic ? 1.0F : element::clamp01(to_eye.z);
-  light.shadow = 0.40F * (1.0F - element::exp2_negative(-55.0F * slope));
+  light.shadow = 0.37F * (1.0F - element::exp2_negative(-55.0F * slope));
   return light;
 }
 
 /// Colours of a figure's slabs, and where they lie.
 struct Figure {
   std::uint32_t count;
-  float top[16], bottom[16], left[16], right[16];
-  alignas(16) float color[16][4];  // times its coverage; a: coverage
+  static constexpr std::uint32_t kMost = SpeckTable::kMostSlabs;
+  float top[kMost], bottom[kMost], left[kMost], right[kMost];
+  alignas(16) float color[kMost][4];  // times its coverage; a: coverage
 };
 
 void ShadeFigure(const SpeckScene& scene, const SpeckLight& light, const SpeckTable& table,
@@ -184,9 +184,10 @@ void ShadeFigure(const SpeckScene& scene, const SpeckLight& light, const SpeckTa
   const SpeckImage& image = table.image[placed.image];
   const float size_y = placed.size * light.tall[ElevationOf(placed.image)];
   const std::uint32_t level = LevelOf(size_y * (image.y_high - image.y_low));
-  const std::uint32_t count = 1U << level;
-  const SpeckSlab* slabs =
-      table.slab.data() + std::size_t{placed.image} * SpeckTable::kSlabs + (count - 1);
+  const std::uint32_t two = SpeckTable::columns(level) - 1;  // columns, as a shift
+  const std::uint32_t rows = 1U << level, count = rows << two;
+  const SpeckSlab* slabs = table.slab.data() + std::size_t{placed.image} * SpeckTable::kSlabs +
+                           SpeckTable::first_slab(level);
   alignas(64) float tint[16];
   const element::Tints tints = element::tints_of(placed.seed);
   const glm::vec3 parts[5] = {glm::vec3(1.0F), tints.skin, tints.hair, tints.top, tints.bottom};
@@ -199,14 +200,14 @@ void ShadeFigure(const SpeckScene& scene, const SpeckLight& light, const SpeckTa
     shown = element::channel_color(channel, {scene.channel_low, scene.channel_high, true});
     for (float& one : tint) one = 1.0F / (255.0F * 255.0F);
   }
-  const float step = size_y * (image.y_high - image.y_low) / static_cast<float>(count);
+  const float step = size_y * (image.y_high - image.y_low) / static_cast<float>(rows);
   const float bottom = placed.y - size_y * image.y_low;
   const float per_unit = placed.size * (1.0F / SpeckSlab::kPerHeight);
   const glm::vec3& horizon = scene.scene->horizon_color;
   figure.count = count;
   for (std::uint32_t k = 0; k < count; ++k) {
     const SpeckSlab& slab = slabs[k];
-    figure.bottom[k] = bottom - step * static_cast<float>(k);
+    figure.bottom[k] = bottom - step * static_cast<float>(k >> two);
     figure.top[k] = figure.bottom[k] - step;
     const float middle =
         placed.x + placed.lean * (placed.y - 0.5F * (figure.top[k] + figure.bottom[k]));
@@ -233,7 +234,7 @@ void ShadeFigure(const SpeckScene& scene, const SpeckLight& light, const SpeckTa
     }
     glm::vec3 color;
     for (int c = 0; c < 3; ++c) {
-      color[c] = (base[c] * (row[c] + open * row[4 + c]) + open * row[8 + c]) + row[12 + c];
+      color[c] = base[c] * (row[c] + open * row[4 + c]) + open * row[8 + c];
       color[c] = horizon[c] + placed.clear * (color[c] - horizon[c]);
     }
     color = element::tone_map(color);
@@ -476,13 +477,49 @@ void SpeckStage::place(const FrameGeometry& geometry, const SpeckScene& scene,
   });
 }
 
+namespace {
+
+/// Near to far, by 16 bits of the range of depths there is; equals stay in order.
+void sort_by_depth(std::span<const std::uint64_t> entries, std::vector<std::uint64_t>& order) {
+  const std::size_t count = entries.size();
+  constexpr std::size_t kFew = 128;
+  if (count <= kFew) {
+    order.assign(entries.begin(), entries.end());
+    std::sort(order.begin(), order.end());
+    return;
+  }
+  std::uint32_t low = 0xffffffffU, high = 0;
+  for (const std::uint64_t entry : entries) {
+    const auto depth = static_cast<std::uint32_t>(entry >> 32);
+    low = std::min(low, depth);
+    high = std::max(high, depth);
+  }
+  int shift = 0;
+  while (((high - low) >> shift) > 0xffffU) ++shift;
+  order.resize(2 * count);
+  const auto pass = [&](const std::uint64_t* from, std::uint64_t* to, int bits) {
+    std::uint32_t next[256] = {};
+    const auto digit = [&](std::uint64_t entry) {
+      return ((static_cast<std::uint32_t>(entry >> 32) - low) >> (shift + bits)) & 255U;
+    };
+    for (std::size_t i = 0; i < count; ++i) ++next[digit(from[i])];
+    std::uint32_t sum = 0;
+    for (std::uint32_t& one : next) sum += std::exchange(one, sum);
+    for (std::size_t i = 0; i < count; ++i) to[next[digit(from[i])]++] = from[i];
+  };
+  pass(entries.data(), order.data() + count, 0);
+  pass(order.data() + count, order.data(), 8);
+  order.resize(count);
+}
+
+}  // namespace
+
 void SpeckStage::draw(std::size_t tile, int x_px, int y_px, const FrameGeometry& geometry,
                       const SpeckScene& scene, const TilePlanes* planes,
                       std::vector<std::uint64_t>& order, SpeckTile& result) const {
   std::memset(result.rgb, 0, sizeof(result.rgb));
   std::fill(std::begin(result.through), std::end(result.through), 1.0F);
-  order.assign(entries_.begin() + first_[tile], entries_.begin() + first_[tile + 1]);
-  std::sort(order.begin(), order.end());
+  sort_by_depth({entries_.data() + first_[tile], entries_.data() + first_[tile + 1]}, order);
   HWY_DYNAMIC_DISPATCH(BlendSpecks)
   ({geometry.specks.data(), geometry.speck_table, placed_.data(), order.data(), order.size()},
    scene, x_px, y_px, planes, result);

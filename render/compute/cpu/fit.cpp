@@ -1,0 +1,127 @@
+#include <algorithm>
+#include <cmath>
+
+#include "render/compute/cpu/kernels.hpp"
+#include "render/compute/cpu/speck_table.hpp"
+#include "render/compute/cpu/stages.hpp"
+#include "render/compute/element/shared_pose.hpp"
+
+namespace throng::render {
+namespace {
+
+constexpr std::uint32_t kSamples = 4096;
+constexpr double kCalm = 0.02;  // of the time: what is left as it is, so that nothing shimmers
+
+struct Sample {
+  float px_per_m, height_px, radius_px;
+  float limit;  // of the agent: about 1
+  const ErrorTable* error;
+  bool may_be_speck, may_share;
+};
+
+/// Every so many of the visible agents.
+std::vector<Sample> sample(const CpuView& view, const MixedForms& mixed, std::uint32_t& every) {
+  const CpuInstances& instances = *view.instances;
+  const CastTable& cast = *instances.cast;
+  every = view.visible_agents / kSamples + 1;
+  std::vector<Sample> samples;
+  samples.reserve(view.visible_agents / every + 1);
+  const std::uint32_t agents = instances.count - instances.surrounding;
+  std::uint32_t seen = 0;
+  for (std::uint32_t slot = 0; slot < agents; ++slot) {
+    if (view.mask[slot] == 0 || seen++ % every != 0) continue;
+    const element::InstanceState& state = instances.state[slot];
+    const glm::vec4& sphere_m = instances.sphere_m[slot];
+    const float distance_m =
+        element::distance_of(element::relative_sphere(sphere_m, view.eye_offset_m));
+    const CharacterTable& table = cast.characters[state.character];
+    Sample one;
+    one.px_per_m = view.projection.focal_px /
+                   (view.projection.perspective != 0 ? std::max(distance_m, sphere_m.w) : 1.0F);
+    one.height_px = one.px_per_m * state.placement.scale * table.character->height_m;
+    one.radius_px = one.px_per_m * sphere_m.w;
+    one.limit = 0.9F + 0.2F * element::unit_from_seed(state.seed, element::kSeedForm);
+    one.error = &table.error;
+    one.may_be_speck = mixed.specks && view.speck_table != nullptr &&
+                       view.speck_table->has_images[state.character] != 0;
+    one.may_share = cast.levels.is_listed[state.character];
+    samples.push_back(one);
+  }
+  return samples;
+}
+
+FrameWork work_of(const std::vector<Sample>& samples, std::uint32_t every, const CpuView& view,
+                  const Selection& selection, float error_px) {
+  const MixedForms& mixed = selection.mixed;
+  const float pose_error_px = pose_error_of(error_px);
+  double sum[FrameWork::kParts] = {};
+  for (const Sample& one : samples) {
+    if (one.may_be_speck && one.height_px * one.limit * mixed.speck_error < error_px) {
+      const float kept = std::min(one.height_px / mixed.least_px, 1.0F);
+      const float height_px = std::max(one.height_px, mixed.least_px);
+      sum[FrameWork::kSpecks] += kept * kept;
+      sum[FrameWork::kSpeckPixels] += kept * kept * (height_px + 1.0F) * (0.4F * height_px + 1.5F);
+      continue;
+    }
+    const std::uint32_t vertices =
+        one.error->vertex_count[ErrorTable::step_of(error_px / (one.px_per_m * one.limit))];
+    const bool shares = one.may_share && selection.pose_mode == PoseMode::kShared &&
+                        one.height_px * element::tier_error(0) < pose_error_px &&
+                        one.radius_px < element::kSharedRadiusPx &&
+                        vertices <= LevelTable::kMostVertices;
+    sum[shares ? FrameWork::kShared : FrameWork::kOwn] += 1.0;
+    sum[shares ? FrameWork::kSharedVertices : FrameWork::kOwnVertices] += vertices;
+    sum[FrameWork::kMeshPixels] +=
+        std::min(0.2F * one.height_px * one.height_px, view.projection.viewport_px2);
+  }
+  FrameWork work;
+  work.known = true;
+  constexpr double kUnits[FrameWork::kParts] = {1e-3, 1e-6, 1e-3, 1e-6, 1e-3, 1e-6, 1e-6};
+  for (int i = 0; i < FrameWork::kParts; ++i) work.part[i] = every * kUnits[i] * sum[i];
+  // pixels behind others are not shaded
+  const double viewport_mpx = 1e-6 * view.projection.viewport_px2;
+  double& pixels = work.part[FrameWork::kMeshPixels];
+  pixels = viewport_mpx * (1.0 - std::exp(-pixels / std::max(viewport_mpx, 1e-6)));
+  const double vertices =
+      1e6 * (work.part[FrameWork::kOwnVertices] + work.part[FrameWork::kSharedVertices]);
+  const auto most = static_cast<double>(selection.vertex_budget);
+  if (vertices > most && vertices > 0.0) {
+    work.part[FrameWork::kOwnVertices] *= most / vertices;
+    work.part[FrameWork::kSharedVertices] *= most / vertices;
+  }
+  return work;
+}
+
+}  // namespace
+
+void fit_error(CpuView& view, Selection& selection) {
+  MixedForms& mixed = selection.mixed;
+  std::uint32_t every = 1;
+  const std::vector<Sample> samples = sample(view, mixed, every);
+  const auto work_at = [&](float error_px) {
+    return work_of(samples, every, view, selection, error_px);
+  };
+  const float least = std::max(mixed.least_error_px, 1e-4F);
+  const float most = std::max(mixed.most_error_px, least);
+  float chosen = std::clamp(view.error_px, least, most);
+  const double now_ms = view.error_px > 0.0F ? mixed.cost.of(work_at(chosen)) : 0.0;
+  if (std::abs(now_ms - mixed.budget_ms) > kCalm * mixed.budget_ms) {
+    // more error is never dearer
+    float low = least, high = most;
+    if (mixed.cost.of(work_at(least)) <= mixed.budget_ms) {
+      high = least;
+    } else {
+      for (int step = 0; step < 14; ++step) {
+        const float middle = std::sqrt(low * high);
+        (mixed.cost.of(work_at(middle)) > mixed.budget_ms ? low : high) = middle;
+      }
+    }
+    chosen = high;
+  }
+  mixed.error_px = chosen;
+  selection.pose_error_px = pose_error_of(chosen);
+  view.error_px = chosen;
+  view.work = work_at(chosen);
+}
+
+}  // namespace throng::render

@@ -1,0 +1,139 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <glm/glm.hpp>
+
+#include "frame_fixture.hpp"
+#include "render/compute/cpu/speck_table.hpp"
+#include "simplify/points/points.hpp"
+#include "support/tiny_character.hpp"
+
+namespace throng::render {
+namespace {
+
+std::shared_ptr<const Cast> cast_with_points() {
+  CharacterData data = test::make_tiny_character();
+  simplify::sample_points(data, {.count = 512});
+  Cast cast;
+  cast.members.push_back({make_character(std::move(data)).value(), 1.0F});
+  return std::make_shared<const Cast>(std::move(cast));
+}
+
+Selection mixed(float error_px) {
+  Selection selection{.vertex_budget = 20'000'000,
+                      .pose_mode = PoseMode::kShared,
+                      .geometry = GeometryKind::kFused,
+                      .form = FormRule::kMixed};
+  selection.mixed.error_px = error_px;
+  return selection;
+}
+
+std::uint32_t as(const ComputeCounters& counters, Representation form) {
+  return counters.drawn_as[static_cast<std::size_t>(form)];
+}
+
+TEST(SpecksTest, EveryVisibleAgentIsDrawnAsSomethingOrStoodFor) {
+  const auto cast = cast_with_points();
+  const auto crowd = test::walking_crowd(cast, 5000, 300.0);
+  test::Stage stage(cast);
+  stage.advance(*crowd, 0);
+  for (const double away_m : {40.0, 400.0, 4000.0}) {
+    stage.camera.eye_world = {0.0, -away_m, 0.4 * away_m};
+    stage.finish(mixed(0.5F));
+    const FrameGeometry geometry = stage.geometry();
+    const ComputeCounters counters = stage.counters();
+    ASSERT_NE(geometry.speck_table, nullptr);
+    std::uint32_t specks = 0;
+    for (const SpeckRun& run : geometry.speck_runs) {
+      specks += run.count;
+      ASSERT_LE(run.first + run.count, geometry.specks.size());
+      for (std::uint32_t i = run.first; i < run.first + run.count; ++i) {
+        EXPECT_LT(geometry.specks[i].image, geometry.speck_table->image.size());
+      }
+    }
+    EXPECT_EQ(specks, as(counters, Representation::kSpeck));
+    EXPECT_EQ(specks + as(counters, Representation::kNone) + geometry.instances.size(),
+              counters.visible);
+    if (away_m > 300.0) {
+      EXPECT_GT(specks, 0U);
+    }
+    EXPECT_EQ(as(counters, Representation::kNone) > 0, away_m > 3000.0);
+  }
+}
+
+TEST(SpecksTest, ThoseThatAreLeftCoverWhatAllWould) {
+  const auto cast = cast_with_points();
+  const auto crowd = test::walking_crowd(cast, 20'000, 300.0);
+  test::Stage stage(cast);
+  stage.camera.eye_world = {0.0, -4000.0, 900.0};
+  stage.advance(*crowd, 0);
+  const auto area = [&](float least_px) {
+    Selection selection = mixed(0.5F);
+    selection.mixed.least_px = least_px;
+    stage.finish(selection);
+    double sum = 0.0;
+    const FrameGeometry geometry = stage.geometry();
+    for (const SpeckRun& run : geometry.speck_runs) {
+      for (std::uint32_t i = run.first; i < run.first + run.count; ++i) {
+        sum += std::pow(static_cast<double>(geometry.specks[i].height_m), 2.0);
+      }
+    }
+    return sum;
+  };
+  const double all = area(1e-3F);
+  EXPECT_NEAR(area(1.0F), all, 0.05 * all);
+  EXPECT_NEAR(area(1.5F), all, 0.05 * all);
+}
+
+TEST(SpecksTest, SlabsAddUpToTheFigure) {
+  const auto cast = cast_with_points();
+  const auto crowd = test::standing_crowd(cast, {{0, 0, 0}});
+  test::Stage stage(cast);
+  stage.camera.eye_world = {0.0, -400.0, 100.0};
+  stage.advance(*crowd, 0);
+  stage.finish(mixed(0.5F));
+  const SpeckTable& table = *stage.geometry().speck_table;
+  for (std::size_t i = 0; i < table.image.size(); ++i) {
+    // each level covers about the same area, in heights squared
+    double areas[SpeckTable::kLevels] = {};
+    const SpeckSlab* slab = table.slab.data() + i * SpeckTable::kSlabs;
+    for (std::uint32_t level = 0; level < SpeckTable::kLevels; ++level) {
+      const std::uint32_t slabs = SpeckTable::columns(level) << level;
+      for (std::uint32_t k = 0; k < slabs; ++k, ++slab) {
+        areas[level] += (slab->high - slab->low) / SpeckSlab::kPerHeight * slab->fill / 255.0 *
+                        (table.image[i].y_high - table.image[i].y_low) / (1 << level);
+      }
+      EXPECT_GT(areas[level], 0.02);
+      EXPECT_NEAR(areas[level], areas[0], 0.06 * areas[0]);
+    }
+  }
+}
+
+TEST(SpecksTest, ErrorIsChosenSoThatTheFrameTakesItsTime) {
+  const auto cast = cast_with_points();
+  const auto crowd = test::walking_crowd(cast, 3000, 200.0);
+  test::Stage stage(cast);
+  stage.advance(*crowd, 0);
+  stage.camera.eye_world = {0.0, -150.0, 60.0};
+  float last_px = 0.0F;
+  // from the dearest that the finest error can take to the cheapest
+  for (const double budget_ms : {1e6, 16.0, 13.0, 11.0, 9.5, 0.1}) {
+    Selection selection = mixed(0.5F);
+    selection.mixed.budget_ms = budget_ms;
+    selection.mixed.least_error_px = 0.002F;
+    stage.finish(selection);
+    const ComputeCounters counters = stage.counters();
+    ASSERT_TRUE(counters.work.known);
+    const double expected_ms = selection.mixed.cost.of(counters.work);
+    const bool at_an_end = counters.error_px <= 0.002F || counters.error_px >= 4.0F;
+    if (!at_an_end) {
+      EXPECT_LE(expected_ms, 1.021 * budget_ms);
+    }
+    EXPECT_GE(counters.error_px, last_px);
+    last_px = counters.error_px;
+  }
+  EXPECT_FLOAT_EQ(last_px, 4.0F);
+}
+
+}  // namespace
+}  // namespace throng::render

@@ -1,0 +1,125 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "throng/render/control.hpp"
+
+namespace throng::render {
+namespace {
+
+/// A view whose agents are drawn with less error for more work, on a machine whose costs are its
+/// own; the backend's part is played too: it takes the least error that fits by the plan's costs.
+struct Machine {
+  double agents = 20'000;
+  double pixels = 0.3e6;
+  double times = 1.0;  // as long as the costs that everybody starts with
+  double vertex_times = 1.0;
+
+  FrameWork work(double error_px) const {
+    FrameWork work;
+    work.known = true;
+    const double own = std::min(1.0, 0.05 / error_px), specks = std::min(1.0, error_px / 4.0);
+    work.part[FrameWork::kOwn] = 1e-3 * agents * own * (1.0 - specks);
+    work.part[FrameWork::kShared] = 1e-3 * agents * (1.0 - own) * (1.0 - specks);
+    const double vertices = std::min(30.0 / error_px, 3000.0);
+    work.part[FrameWork::kOwnVertices] = 1e-3 * work.part[FrameWork::kOwn] * vertices;
+    work.part[FrameWork::kSharedVertices] = 1e-3 * work.part[FrameWork::kShared] * vertices;
+    work.part[FrameWork::kSpecks] = 1e-3 * agents * specks;
+    work.part[FrameWork::kSpeckPixels] = 1e-5 * agents * specks;
+    work.part[FrameWork::kMeshPixels] = 1e-6 * pixels * (1.0 - specks);
+    return work;
+  }
+
+  FrameCost draw(const FramePlan& plan) const {
+    EXPECT_TRUE(plan.mixed);
+    double low = static_cast<double>(plan.least_error_px), high = 4.0;
+    for (int i = 0; i < 40; ++i) {
+      const double middle = std::sqrt(low * high);
+      (plan.cost.of(work(middle)) > plan.budget_ms ? low : high) = middle;
+    }
+    FrameCost cost;
+    cost.work = work(high);
+    WorkCost truth;
+    truth.ms[FrameWork::kOwnVertices] *= vertex_times;
+    truth.ms[FrameWork::kSharedVertices] *= vertex_times;
+    cost.frame_ms = times * truth.of(cost.work);
+    cost.visible = static_cast<std::uint32_t>(agents);
+    return cost;
+  }
+};
+
+/// Frames until the time stays within a tenth of the target; -1: it never does.
+int settling(BudgetController& controller, const Machine& machine, double target_ms, int frames) {
+  int settled = -1;
+  for (int i = 1; i <= frames; ++i) {
+    const FrameCost cost = machine.draw(controller.next_plan(target_ms));
+    const bool is_within = std::abs(cost.frame_ms - target_ms) <= 0.1 * target_ms;
+    if (!is_within) settled = -1;
+    if (is_within && settled < 0) settled = i;
+    controller.record(cost);
+  }
+  return settled;
+}
+
+std::unique_ptr<BudgetController> predictive() {
+  return make_controller({.kind = ControllerKind::kPredictive, .least_error_px = 0.004F});
+}
+
+TEST(WorkModelTest, SettlesInThreeFramesOnMachinesFastAndSlow) {
+  for (const double times : {0.5, 1.0, 2.5}) {
+    for (const double vertex_times : {0.5, 1.0, 2.0}) {
+      const auto controller = predictive();
+      const Machine machine{.times = times, .vertex_times = vertex_times};
+      const int settled = settling(*controller, machine, 60.0 * times, 20);
+      EXPECT_GE(settled, 1);
+      EXPECT_LE(settled, 3) << times << " " << vertex_times;
+    }
+  }
+}
+
+TEST(WorkModelTest, SettlesInThreeFramesWhenTargetOrViewChanges) {
+  const auto controller = predictive();
+  Machine machine{.times = 1.4, .vertex_times = 1.5};
+  settling(*controller, machine, 300.0, 20);
+  for (const double target_ms : {90.0, 40.0, 150.0}) {
+    const int settled = settling(*controller, machine, target_ms, 12);
+    EXPECT_GE(settled, 1);
+    EXPECT_LE(settled, 3) << target_ms;
+  }
+  for (const double agents : {3000.0, 30'000.0, 12'000.0}) {
+    machine.agents = agents;
+    machine.pixels = 0.8e6 - 2e1 * agents;
+    const int settled = settling(*controller, machine, 40.0, 12);
+    EXPECT_GE(settled, 1);
+    EXPECT_LE(settled, 3) << agents;
+  }
+}
+
+TEST(WorkModelTest, OneLateFrameMovesLittle) {
+  const auto controller = predictive();
+  const Machine machine;
+  settling(*controller, machine, 60.0, 20);
+  const double before = machine.draw(controller->next_plan(60.0)).frame_ms;
+  FrameCost late = machine.draw(controller->next_plan(60.0));
+  late.frame_ms *= 3.0;
+  controller->record(late);
+  EXPECT_NEAR(machine.draw(controller->next_plan(60.0)).frame_ms, before, 0.1 * before);
+}
+
+TEST(WorkModelTest, NumbersThatAreNoneChangeNothing) {
+  const auto controller = predictive();
+  const Machine machine;
+  settling(*controller, machine, 60.0, 10);
+  const FramePlan before = controller->next_plan(60.0);
+  for (const double bad : {0.0, -1.0, std::nan(""), HUGE_VAL}) {
+    FrameCost cost = machine.draw(before);
+    cost.frame_ms = bad;
+    controller->record(cost);
+    const FramePlan plan = controller->next_plan(bad);
+    EXPECT_EQ(plan.budget_ms, 60.0);
+    EXPECT_EQ(plan.cost.fixed_ms, before.cost.fixed_ms);
+  }
+}
+
+}  // namespace
+}  // namespace throng::render
