@@ -81,8 +81,9 @@ TEST(SpecksTest, ThoseThatAreLeftCoverWhatAllWould) {
     return sum;
   };
   const double all = area(1e-3F);
-  EXPECT_NEAR(area(1.0F), all, 0.05 * all);
-  EXPECT_NEAR(area(1.5F), all, 0.05 * all);
+  // a few of a hundred are left, so chance has its share
+  EXPECT_NEAR(area(1.0F), all, 0.1 * all);
+  EXPECT_NEAR(area(1.5F), all, 0.1 * all);
 }
 
 TEST(SpecksTest, SlabsAddUpToTheFigure) {
