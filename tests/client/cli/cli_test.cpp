@@ -7,6 +7,7 @@
 #include <fstream>
 #include <thread>
 
+#include "client/camera/camera_script.hpp"
 #include "client/cli/commands.hpp"
 #include "client/cli/output.hpp"
 #include "server/rpc/test_server.hpp"
@@ -52,13 +53,14 @@ std::string write_csv(const TemporaryFolder& folder) {
 }
 
 TEST(CameraTextTest, ReadsEyeAndTarget) {
-  const auto camera = parse_camera("1,-2.5,3:4,5,6e1");
-  ASSERT_TRUE(camera.has_value());
-  EXPECT_EQ(camera->eye[1], -2.5);
-  EXPECT_EQ(camera->target[2], 60.0);
+  const auto script = CameraScript::parse("1,-2.5,3:4,5,6e1");
+  ASSERT_TRUE(script.ok()) << script.status();
+  const ScriptedCamera camera = script->at(0.0, {});
+  EXPECT_EQ(camera.eye_world.y, -2.5);
+  EXPECT_EQ(camera.target_world.z, 60.0);
   for (const char* text :
        {"", "1,2,3", "1,2,3,4,5,6", "1,2:3,4,5,6:7", "1,2,3:4,5", "a,2,3:4,5,6", "nan,2,3:4,5,6"}) {
-    EXPECT_FALSE(parse_camera(text).has_value()) << text;
+    EXPECT_FALSE(CameraScript::parse(text).ok()) << text;
   }
 }
 

@@ -227,35 +227,35 @@ TEST_F(FrameAssemblerTest, ChannelsMayBeMissing) {
 }
 
 TEST_F(FrameAssemblerTest, MotionsMayBeMissingInSomeChunksAndKeepTheirNames) {
-  ASSERT_TRUE(assembler_.set_membership(membership_of(1, {5, 6, 7})).ok());
+  ASSERT_TRUE(assembler.set_membership(membership_of(1, {5, 6, 7})).ok());
   v1::AgentChunk told = chunk_of(1, 1, 1, 2);
   told.set_motions(std::string("\x02\x01", 2));
   told.add_motion_names("sit");
   told.add_motion_names("cheer");
-  ASSERT_TRUE(assembler_.add(chunk_of(1, 1, 0, 1)).ok());
-  const auto result = assembler_.add(told);
+  ASSERT_TRUE(assembler.add(chunk_of(1, 1, 0, 1)).ok());
+  const auto result = assembler.add(told);
   ASSERT_TRUE(result.ok() && result->complete.has_value()) << result.status();
   EXPECT_EQ(result->complete->motion, (std::vector<std::uint8_t>{0, 2, 1}));
   EXPECT_EQ(result->complete->motion_names, (std::vector<std::string>{"sit", "cheer"}));
 }
 
 TEST_F(FrameAssemblerTest, RefusesBadMotions) {
-  ASSERT_TRUE(assembler_.set_membership(membership_of(1, {5, 6, 7})).ok());
+  ASSERT_TRUE(assembler.set_membership(membership_of(1, {5, 6, 7})).ok());
   v1::AgentChunk chunk = chunk_of(1, 1, 0, 2);
   chunk.set_motions("x");
-  expect_refused(assembler_.add(chunk).status(), "chunk.motions: it has 1 bytes, must have 2");
+  expect_refused(assembler.add(chunk).status(), "chunk.motions: it has 1 bytes, must have 2");
   chunk = chunk_of(2, 1, 0, 2);
   chunk.set_motions(std::string(2, '\1'));
   for (int i = 0; i < 65; ++i) chunk.add_motion_names("sit");
-  expect_refused(assembler_.add(chunk).status(), "chunk.motion_names: 65, at most 64");
+  expect_refused(assembler.add(chunk).status(), "chunk.motion_names: 65, at most 64");
   chunk = chunk_of(3, 1, 0, 2);
   chunk.set_motions(std::string(2, '\1'));
   chunk.add_motion_names("sit");
-  ASSERT_TRUE(assembler_.add(chunk).ok());
+  ASSERT_TRUE(assembler.add(chunk).ok());
   chunk = chunk_of(3, 1, 2, 1);
   chunk.set_motions(std::string(1, '\1'));
   chunk.add_motion_names("cheer");
-  expect_refused(assembler_.add(chunk).status(), "not those of the chunks before of frame 3");
+  expect_refused(assembler.add(chunk).status(), "not those of the chunks before of frame 3");
 }
 
 TEST_F(FrameAssemblerTest, RandomMessagesNeverBreakIt) {
