@@ -106,13 +106,21 @@ void FarPlan::hide(const Triangulation& triangulation, const FarAgents& agents,
     const Seen seen = seen_from(triangulation.position_m[v], eye);
     const glm::vec3& feet = seen.relative;
     const glm::vec4 clip = m * glm::vec4(feet.x, feet.y, feet.z + 0.5F * height_m, 1.0F);
-    if (!(clip.w > 0.0F)) continue;
+    if (!(clip.w > 0.0F)) {
+      weight_[v] = 0.0F;
+      continue;
+    }
     const float per_w = 1.0F / clip.w;
     const float x = (0.5F + 0.5F * clip.x * per_w) * kCellsX;
     const float y = (0.5F + 0.5F * clip.y * per_w) * kCellsY;
     const float half_x = 0.5F * width_m * across * per_w;
     const float half_y = 0.5F * (height_m * seen.cosine + width_m * seen.sine) * upright * per_w;
     const float x0 = x - half_x, x1 = x + half_x, y0 = y - half_y, y1 = y + half_y;
+    // beside the picture, or so near the eye's plane that its place is beyond all numbers
+    if (!(x1 > 0.0F && y1 > 0.0F && x0 < kCellsX && y0 < kCellsY)) {
+      weight_[v] = 0.0F;
+      continue;
+    }
     const int cx1 = static_cast<int>(std::min(x1, kCellsX - 1.0F));
     const int cy1 = static_cast<int>(std::min(y1, kCellsY - 1.0F));
     float open = 0.0F;
