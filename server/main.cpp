@@ -210,6 +210,18 @@ int main(int argc, char** argv) {
                  "impostors, points, or each as what is cheapest and looks right")
       ->capture_default_str()
       ->check(CLI::IsMember({"auto", "mesh", "impostor", "points", "mixed"}));
+  std::string far = "none";
+  app.add_option("--far", far,
+                 "Who is far away: none (drawn as all others are) or density (points from one "
+                 "budget, by how much of each is seen)")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"none", "density"}));
+  app.add_option("--far-distance", options.far.distance_m,
+                 "From where, m (default: where figures are under 16 px)")
+      ->check(CLI::Range(1.0, 1e6));
+  app.add_option("--far-points", options.far.points, "Points of all of them")
+      ->capture_default_str()
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{100'000'000}));
   app.add_option("--threads", pipeline.threads, "Render threads (0: one for each core)")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
@@ -261,6 +273,8 @@ int main(int argc, char** argv) {
   }
   const bool is_fixed = options.controller == throng::render::ControllerKind::kFixed;
   if (vertex_budget->count() > 0 || is_fixed) options.target_ms = 0.0;
+  options.far.enabled = far == "density";
+  options.far.wait = false;
 
   spdlog::set_default_logger(spdlog::stderr_color_mt("throng"));
   spdlog::set_level(spdlog::level::from_str(log_level));
@@ -301,7 +315,10 @@ int main(int argc, char** argv) {
   pipeline.raster = raster_kind(raster);
   pipeline.backend =
       compute == "cuda" ? throng::render::BackendKind::kCuda : throng::render::BackendKind::kCpu;
-  if (compute == "auto") {
+  if (options.far.enabled && compute == "cuda") {
+    return fail(kUsage, "--far: density is computed by the processor only, not by --compute cuda");
+  }
+  if (compute == "auto" && !options.far.enabled) {
     std::string why;
     pipeline.backend = throng::render::best_backend(why);
     spdlog::info("event=compute chosen={} why=\"{}\"",

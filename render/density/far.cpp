@@ -18,6 +18,9 @@ namespace {
 constexpr std::size_t kChunk = 1024;
 /// Agents of a vertex are neighbours in the world, not in memory.
 constexpr std::size_t kAhead = 16;
+/// How much less light a round body has, on the average of what is seen of it, than where it faces
+/// the eye: the mean of a cosine over a half circle, by its width, is pi / 4.
+constexpr float kTurned = 0.21F;
 
 /// Which pose of FarFigures is nearest.
 std::uint32_t figure_pose(const element::Pose& pose, const element::Gait& gait) {
@@ -141,52 +144,64 @@ void generate_far(const FarPlan& plan, const FarAgents& agents, const FarFigures
                   std::span<const FarPlace> places, const FarView& view, WorkPool& pool,
                   std::vector<Splat>& splats) {
   const std::span<const FarShare> shares = plan.shares();
-  generate(plan, places, view, pool, splats,
-           [&](std::size_t i, std::size_t end, const glm::vec3& feet, Splat* out) {
-             if (i + kAhead < end) {
-               const std::uint32_t next = shares[i + kAhead].agent;
-               __builtin_prefetch(agents.tints.data() + std::size_t{4} * next);
-               __builtin_prefetch(agents.height_m.data() + next);
-               __builtin_prefetch(agents.member.data() + next);
-             }
-             const FarShare& share = shares[i];
-             const float cosine = std::cos(places[i].heading_rad);
-             const float sine = std::sin(places[i].heading_rad);
-             const float height_m = agents.height_m[share.agent];
-             std::array<glm::vec3, 4> tint;
-             for (std::size_t k = 0; k < 4; ++k) {
-               tint[k] =
-                   2.0F * unpacked_color(agents.tints[std::size_t{4} * share.agent + k]);  // halves
-             }
-             const glm::vec3 to_eye = -glm::normalize(feet);
-             const FarFigures::Point* points = figures.level(
-                 agents.member[share.agent], places[i].pose, FarFigures::level_of(share.points));
-             for (std::uint32_t k = 0; k < share.points; ++k, ++out) {
-               const FarFigures::Point& point = points[k];
-               const glm::vec3& q = point.position;
-               out->position_relative = feet + height_m * glm::vec3(q.x * cosine - q.y * sine,
-                                                                    q.x * sine + q.y * cosine, q.z);
-               out->radius_m = -point.radius * share.radius * height_m;
-               // what goes round the figure is seen from the eye's side
-               const float round = 1.0F - std::min(glm::length(point.normal), 1.0F);
-               const glm::vec3 n(point.normal.x * cosine - point.normal.y * sine + round * to_eye.x,
-                                 point.normal.x * sine + point.normal.y * cosine + round * to_eye.y,
-                                 point.normal.z + round * to_eye.z);
-               const std::uint32_t code = element::pack_octahedral(n.x, n.y, n.z);
-               std::memcpy(&out->normal, &code, sizeof code);
-               float plain = 1.0F;
-               glm::vec3 worn(0.0F);
-               for (std::size_t r = 0; r < 4; ++r) {
-                 const float part = static_cast<float>(point.regions >> (8 * r) & 255U) / 255.0F;
-                 plain -= part;
-                 worn += part * tint[r];
-               }
-               out->base =
-                   element::pack_color(unpacked_color(point.base) * (std::max(plain, 0.0F) + worn));
-               out->regions = 0;
-               out->visible = kNobody;
-             }
-           });
+  generate(
+      plan, places, view, pool, splats,
+      [&](std::size_t i, std::size_t end, const glm::vec3& feet, Splat* out) {
+        if (i + kAhead < end) {
+          const std::uint32_t next = shares[i + kAhead].agent;
+          __builtin_prefetch(agents.tints.data() + std::size_t{4} * next);
+          __builtin_prefetch(agents.height_m.data() + next);
+          __builtin_prefetch(agents.member.data() + next);
+        }
+        const FarShare& share = shares[i];
+        const float cosine = std::cos(places[i].heading_rad);
+        const float sine = std::sin(places[i].heading_rad);
+        const float height_m = agents.height_m[share.agent];
+        std::array<glm::vec3, 4> tint;
+        for (std::size_t k = 0; k < 4; ++k) {
+          tint[k] =
+              2.0F * unpacked_color(agents.tints[std::size_t{4} * share.agent + k]);  // halves
+        }
+        const glm::vec3 to_eye = -glm::normalize(feet);
+        const float level = 1.0F - to_eye.z * to_eye.z;  // squared cosine of the eye's elevation
+        const FarFigures::Point* points = figures.level(agents.member[share.agent], places[i].pose,
+                                                        FarFigures::level_of(share.points));
+        for (std::uint32_t k = 0; k < share.points; ++k, ++out) {
+          const FarFigures::Point& point = points[k];
+          const glm::vec3& q = point.position;
+          out->position_relative = feet + height_m * glm::vec3(q.x * cosine - q.y * sine,
+                                                               q.x * sine + q.y * cosine, q.z);
+          const float radius_m = point.radius * share.radius * height_m;
+          out->radius_m = radius_m;
+          out->regions = 0;
+          if (radius_m < 0.0F && point.squeeze < 1.0F) {
+            // of an upright body: the steeper it is looked at, the rounder it is
+            const float seen = std::sqrt(point.squeeze * point.squeeze * (1.0F - level) + level);
+            out->radius_m = radius_m * seen;
+            out->regions = static_cast<std::uint32_t>(255.0F * point.squeeze / seen + 0.5F);
+          }
+          // what goes round an upright figure shows the eye its sides, the less the steeper it
+          // looks
+          const float length = glm::length(point.normal);
+          const float round = radius_m < 0.0F ? 1.0F - std::min(length, 1.0F) : 0.0F;
+          const glm::vec3 n(point.normal.x * cosine - point.normal.y * sine + round * to_eye.x,
+                            point.normal.x * sine + point.normal.y * cosine + round * to_eye.y,
+                            point.normal.z + round * point.squeeze * to_eye.z);
+          const std::uint32_t code = element::pack_octahedral(n.x, n.y, n.z);
+          std::memcpy(&out->normal, &code, sizeof code);
+          float plain = 1.0F;
+          glm::vec3 worn(0.0F);
+          for (std::size_t r = 0; r < 4; ++r) {
+            const float part = static_cast<float>(point.regions >> (8 * r) & 255U) / 255.0F;
+            plain -= part;
+            worn += part * tint[r];
+          }
+          out->base =
+              element::pack_color(unpacked_color(point.base) * (std::max(plain, 0.0F) + worn));
+          out->regions = 0;
+          out->visible = kNobody;
+        }
+      });
 }
 
 }  // namespace throng::render

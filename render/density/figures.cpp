@@ -18,6 +18,7 @@ constexpr int kRounds = 5;
 /// Opposite normals count as so far apart, halved, where points are for one side of a limb each.
 constexpr float kNormalM = 0.04F;
 constexpr std::uint32_t kSidesFrom = 32;  // points: with fewer, each goes round
+constexpr float kFlat = 0.6F;             // of a mean normal: what is longer is a piece of surface
 
 /// Which of the level's points each sample belongs to: the nearest centre's (Lloyd 1982).
 std::vector<std::uint32_t> cluster(const std::vector<Sample>& samples, std::uint32_t count) {
@@ -70,9 +71,9 @@ std::uint32_t packed_regions(const glm::vec4& regions) {
   return word;
 }
 
-/// A level's points in one pose; radii by the surface that each stands for.
+/// A level's points in one pose, as large as the surface that each stands for.
 void add_level(const std::vector<Sample>& samples, const std::vector<std::uint32_t>& nearest,
-               std::uint32_t count, FarFigures::Point* out) {
+               std::uint32_t count, float surface_m2, FarFigures::Point* out) {
   std::vector<Sample> sum(
       count, Sample{glm::vec3(0.0F), glm::vec3(0.0F), glm::vec3(0.0F), glm::vec4(0.0F), 0.0F});
   for (std::size_t s = 0; s < samples.size(); ++s) {
@@ -83,12 +84,34 @@ void add_level(const std::vector<Sample>& samples, const std::vector<std::uint32
     own.regions += samples[s].regions;
     own.weight += 1.0F;
   }
+  std::vector<glm::vec2> square(count, glm::vec2(0.0F));  // of deviations: level and upright
+  for (Sample& own : sum) {
+    const float each = 1.0F / std::max(own.weight, 1.0F);
+    own.position *= each;
+    own.normal *= each;
+    own.color *= each;
+    own.regions *= each;
+  }
+  for (std::size_t s = 0; s < samples.size(); ++s) {
+    const glm::vec3 off = samples[s].position - sum[nearest[s]].position;
+    square[nearest[s]] += glm::vec2(0.5F * (off.x * off.x + off.y * off.y), off.z * off.z);
+  }
   for (std::uint32_t i = 0; i < count; ++i) {
     const Sample& own = sum[i];
-    const float each = 1.0F / std::max(own.weight, 1.0F);
-    out[i] = {own.position * each, std::sqrt(own.weight / static_cast<float>(samples.size())),
-              own.normal * each, element::pack_color(own.color * each),
-              packed_regions(own.regions * each)};
+    const float own_m2 = surface_m2 * own.weight / static_cast<float>(samples.size());
+    const float length = glm::length(own.normal);
+    const bool is_flat = count >= kSidesFrom && length > kFlat;
+    // a convex body shows a quarter of its surface (Cauchy)
+    const float radius = std::sqrt((is_flat ? own_m2 : 0.25F * own_m2) / 3.14159265F);
+    float squeeze = 1.0F;
+    if (!is_flat)
+      squeeze = std::clamp(std::sqrt(square[i].x / std::max(square[i].y, 1e-9F)), 0.25F, 1.0F);
+    out[i] = {own.position,
+              (is_flat ? radius : -radius / std::sqrt(squeeze)),
+              own.normal,
+              squeeze,
+              element::pack_color(own.color),
+              packed_regions(own.regions)};
   }
 }
 
@@ -126,7 +149,7 @@ absl::StatusOr<FarFigures> make_far_figures(const Cast& cast) {
       }
       poses.push_back(surface_samples(character, kSamples, frame));
     }
-    const float area = seen_area_of(character);
+    const float area = seen_area_of(character), surface = surface_area(character);
     FarFigures::Point* first =
         figures.points.data() + m * FarFigures::kPoses * FarFigures::kPointsOfAll;
     for (const std::uint32_t wanted : FarFigures::kCounts) {
@@ -134,11 +157,15 @@ absl::StatusOr<FarFigures> make_far_figures(const Cast& cast) {
       const auto count = std::min(wanted, static_cast<std::uint32_t>(poses[0].size()));
       const std::vector<std::uint32_t> nearest = cluster(poses[0], count);
       for (std::uint32_t pose = 0; pose < FarFigures::kPoses; ++pose) {
-        add_level(poses[pose], nearest, count, first + pose * FarFigures::kPointsOfAll);
+        add_level(poses[pose], nearest, count, surface, first + pose * FarFigures::kPointsOfAll);
       }
       std::vector<Disc> discs;
-      for (std::uint32_t i = 0; i < count; ++i)
-        discs.push_back({first[i].position, first[i].radius});
+      for (std::uint32_t i = 0; i < count; ++i) {
+        const FarFigures::Point& point = first[i];
+        const bool is_flat = point.radius > 0.0F;
+        discs.push_back({point.position, std::abs(point.radius), point.squeeze,
+                         is_flat ? glm::normalize(point.normal) : glm::vec3(0.0F)});
+      }
       const float factor = fitted_factor(discs, area);
       for (std::uint32_t pose = 0; pose < FarFigures::kPoses; ++pose) {
         for (std::uint32_t i = 0; i < count; ++i) {

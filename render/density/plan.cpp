@@ -14,8 +14,6 @@ namespace {
 /// A point a pixel is all that shows; half as many more, because they overlap.
 constexpr float kPointsPerPx2 = 1.5F;
 constexpr float kMarginM = 1.5F;  // a figure around its vertex's place
-/// Vertices stay where they were triangulated, agents walk on.
-constexpr float kWalkedM = 2.0F;
 
 // the picture's cells in which kVisible counts who covers whom
 constexpr int kCellsX = 160, kCellsY = 120;
@@ -67,7 +65,7 @@ void FarPlan::collect(const Triangulation& triangulation, const FarAgents& agent
     const Seen seen = seen_from(triangulation.position_m[v], eye);
     const glm::vec3& feet = seen.relative;
     if (!element::touches(frustum, glm::vec4(feet.x, feet.y, feet.z + 0.9F, margin))) continue;
-    const bool is_near = seen.distance_m + margin + kWalkedM < view.least_m;
+    const bool is_near = seen.distance_m + margin + view.walked_m < view.least_m;
     if (is_near && share != PointShare::kVisible) continue;
     const std::uint32_t first = triangulation.first_agent[v],
                         end = triangulation.first_agent[v + 1];

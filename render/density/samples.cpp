@@ -69,23 +69,39 @@ std::vector<Sample> surface_samples(const Character& character, std::uint32_t co
 
 float seen_area(std::span<const Disc> discs, float factor) {
   constexpr float kPerM = kCells / kSideM;
-  constexpr float kThird = 1.0471976F;
+  constexpr float kSixth = 1.0471976F;
+  constexpr float kLeastFacing = 0.25F;  // as the rasterizers draw it
   float area = 0.0F;
-  for (int view = 0; view < 3; ++view) {
-    const float cosine = std::cos(kThird * static_cast<float>(view));
-    const float sine = std::sin(kThird * static_cast<float>(view));
+  for (int view = 0; view < 6; ++view) {
+    const float cosine = std::cos(kSixth * static_cast<float>(view));
+    const float sine = std::sin(kSixth * static_cast<float>(view));
     std::array<std::uint64_t, kCells> rows{};
     for (const Disc& disc : discs) {
+      // i^2 + j^2 + (across i + up j)^2 <= r^2
+      float across = 0.0F, up = 0.0F;
+      if (disc.normal != glm::vec3(0.0F)) {
+        const float facing = disc.normal.x * -sine + disc.normal.y * cosine;
+        if (facing <= 0.0F) continue;
+        const float steep = 1.0F / std::max(facing, kLeastFacing);
+        across = (disc.normal.x * cosine + disc.normal.y * sine) * steep;
+        up = disc.normal.z * steep;
+      } else if (disc.squeeze < 1.0F) {
+        across = std::sqrt(1.0F / (disc.squeeze * disc.squeeze) - 1.0F);
+      }
       const float x = (disc.centre.x * cosine + disc.centre.y * sine + 0.5F * kSideM) * kPerM;
       const float y = (disc.centre.z + kBelowM) * kPerM;
       const float r = std::min(disc.radius * factor * kPerM, 2.0F * kCells);
       const int low = std::max(static_cast<int>(std::ceil(y - r - 0.5F)), 0);
       const int high = std::min(static_cast<int>(std::floor(y + r - 0.5F)), kCells - 1);
+      const float a = 1.0F + across * across;
       for (int row = low; row <= high; ++row) {
-        const float off = static_cast<float>(row) + 0.5F - y;
-        const float half = std::sqrt(std::max(r * r - off * off, 0.0F));
-        const int from = std::max(static_cast<int>(std::ceil(x - half - 0.5F)), 0);
-        const int to = std::min(static_cast<int>(std::floor(x + half - 0.5F)), kCells - 1);
+        const float j = static_cast<float>(row) + 0.5F - y;
+        const float b = across * up * j;
+        const float square = b * b - a * (j * j * (1.0F + up * up) - r * r);
+        if (!(square > 0.0F)) continue;
+        const float half = std::sqrt(square) / a, middle = x - b / a;
+        const int from = std::max(static_cast<int>(std::ceil(middle - half - 0.5F)), 0);
+        const int to = std::min(static_cast<int>(std::floor(middle + half - 0.5F)), kCells - 1);
         if (from > to) continue;
         rows[static_cast<std::size_t>(row)] |= (~std::uint64_t{0} >> (kCells - 1 - (to - from)))
                                                << from;
@@ -93,7 +109,18 @@ float seen_area(std::span<const Disc> discs, float factor) {
     }
     for (const std::uint64_t row : rows) area += static_cast<float>(std::popcount(row));
   }
-  return area / (3.0F * kPerM * kPerM);
+  return area / (6.0F * kPerM * kPerM);
+}
+
+float surface_area(const Character& character) {
+  double doubled = 0.0;
+  for (const glm::uvec3& c : character.triangle) {
+    const glm::vec3& p = character.position[c.x];
+    doubled += static_cast<double>(
+        glm::length(glm::cross(character.position[c.y] - p, character.position[c.z] - p)));
+  }
+  const float height_m = std::max(character.height_m, 0.05F);
+  return 0.5F * static_cast<float>(doubled) / (height_m * height_m);
 }
 
 float seen_area_of(const Character& character) {

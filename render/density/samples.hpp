@@ -27,17 +27,24 @@ std::uint32_t standing_frame(const Character& character);
 std::vector<Sample> surface_samples(const Character& character, std::uint32_t count,
                                     std::uint32_t frame);
 
+/// What a splat shows: a disc that faces the eye, its width `squeeze` of its height, or one that
+/// lies in the surface (`normal` is not zero) and is seen from outside only.
 struct Disc {
   glm::vec3 centre;
   float radius;
+  float squeeze = 1.0F;
+  glm::vec3 normal{0.0F};
 };
 
-/// Area that discs which face the eye cover together as seen from the side, the mean of three
-/// directions; m2 of a figure a metre high.
+/// Area that discs cover together as seen from the side, the mean of six directions; m2 of a figure
+/// a metre high.
 float seen_area(std::span<const Disc> discs, float factor);
 
 /// The same of the whole figure.
 float seen_area_of(const Character& character);
+
+/// Area of the character's surface, m2 of a figure a metre high.
+float surface_area(const Character& character);
 
 /// What the discs' radii are to be multiplied with, so that they are seen as large as `area`.
 float fitted_factor(std::span<const Disc> discs, float area);

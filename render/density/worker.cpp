@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <chrono>
 
 #include "throng/render/density.hpp"
@@ -35,13 +36,14 @@ void TriangulationWorker::wait() const {
 
 void TriangulationWorker::run(const std::stop_token& stop) {
   auto last = std::chrono::steady_clock::time_point::min();
+  std::chrono::steady_clock::duration pause = least_interval_;
   for (;;) {
     std::shared_ptr<const Snapshot> snapshot;
     {
       std::unique_lock lock(mutex_);
       if (!changed_.wait(lock, stop, [&] { return wanted_ != nullptr; })) return;
       if (last != std::chrono::steady_clock::time_point::min()) {
-        changed_.wait_until(lock, stop, last + least_interval_, [] { return false; });
+        changed_.wait_until(lock, stop, last + pause, [] { return false; });
         if (stop.stop_requested()) return;
       }
       snapshot = std::move(wanted_);
@@ -52,6 +54,9 @@ void TriangulationWorker::run(const std::stop_token& stop) {
     auto made = std::make_shared<Triangulation>(
         triangulate(snapshot->position_m, snapshot->present, options_));
     made->roster = snapshot->roster;
+    made->time_us = snapshot->time_us;
+    pause = std::max<std::chrono::steady_clock::duration>(
+        least_interval_, 10 * (std::chrono::steady_clock::now() - last));
     {
       const std::lock_guard lock(mutex_);
       newest_ = std::move(made);

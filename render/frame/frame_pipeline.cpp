@@ -4,10 +4,12 @@
 #include <chrono>
 #include <ctime>
 #include <utility>
+#include <vector>
 
 #include "render/frame/faster_rasterizer.hpp"
 #include "render/frame/passes.hpp"
 #include "throng/render/environment.hpp"
+#include "throng/render/far_crowd.hpp"
 #include "throng/render/frame.hpp"
 
 namespace throng::render {
@@ -54,6 +56,10 @@ struct FramePipeline::State {
   std::string why;  // this rasterizer
   GeometryKind geometry = GeometryKind::kBatched;
   bool measure_cpu_times = false;
+  unsigned threads = 0;
+  BackendKind backend_kind = BackendKind::kCpu;
+  std::unique_ptr<FarCrowd> far;  // made when it is first asked for
+  std::vector<Splat> splats;      // of a frame with a far crowd
 
   // What was uploaded last. Views that look at one crowd ask for the same two snapshots, and the
   // newer one of this frame is the older one of the next, so a few entries are enough; the snapshot
@@ -153,6 +159,32 @@ struct FramePipeline::State {
     return *instances;
   }
 
+  bool takes_far(const ViewSettings& settings) const {
+    return backend_kind == BackendKind::kCpu && rasterizer->draws(Representation::kPoints) &&
+           settings.camera.ortho_height_m <= 0.0 && !settings.look.color_by_channel;
+  }
+
+  /// The far crowd's splats behind those of `geometry`.
+  absl::Status add_far(const Crowd& crowd, std::int64_t scene_time_us, const FarView& view,
+                       const FarSettings& settings, FrameGeometry& geometry, FrameStats& stats) {
+    if (far == nullptr) {
+      auto made = FarCrowd::make(cast, threads);
+      if (!made.ok()) return made.status();
+      far = *std::move(made);
+    }
+    FarCounters counters;
+    if (absl::Status status = far->generate(crowd, scene_time_us, view, settings, splats, counters);
+        !status.ok()) {
+      return status;
+    }
+    stats.counters.visible += counters.visible;
+    stats.counters.drawn_as[static_cast<std::size_t>(Representation::kPoints)] += counters.drawn;
+    stats.counters.vertices += splats.size();
+    splats.insert(splats.end(), geometry.splats.begin(), geometry.splats.end());
+    geometry.splats = splats;
+    return absl::OkStatus();
+  }
+
   /// Whose agents the instances are; null for null.
   std::shared_ptr<const Snapshot> shown_at(
       const std::shared_ptr<const Instances>& instances) const {
@@ -177,6 +209,8 @@ absl::StatusOr<std::unique_ptr<FramePipeline>> FramePipeline::make(
   State& state = *pipeline->state_;
   state.cast = cast;
   state.measure_cpu_times = options.measure_cpu_times;
+  state.threads = options.threads;
+  state.backend_kind = options.backend;
   auto backend = make_backend(options.backend, options.threads);
   if (!backend.ok()) return backend.status();
   state.backend = *std::move(backend);
@@ -218,6 +252,13 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
   FrameGeometry geometry;
   if (*instances != nullptr) {
     ViewWork& view = *state.view;
+    const bool has_far = settings.far.enabled && state.takes_far(settings) && passes == nullptr;
+    FarView far_view;
+    if (has_far) {
+      far_view = make_far_view(settings.camera, settings.viewport, crowd.settings().origin_world);
+      far_view.least_m = FarCrowd::distance_m(settings.far, far_view.px_per_tangent);
+    }
+    view.far_m = far_view.least_m;
     absl::Status status = state.backend->cull(view, *instances, settings.camera, settings.viewport);
     if (!status.ok()) return status;
     clock.stop(&StageTimes::cull_ms);
@@ -251,6 +292,11 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
     geometry = state.backend->geometry(view);
     stats.counters = state.backend->counters(view);
     stats.counters.agents = (*instances)->present;
+    if (has_far) {
+      status = state.add_far(crowd, scene_time_us, far_view, settings.far, geometry, stats);
+      if (!status.ok()) return status;
+      clock.stop(&StageTimes::generate_ms);
+    }
   }
   if (passes != nullptr) {
     if (absl::Status kept = state.rasterizer->keep_facts(&state.facts); !kept.ok()) return kept;

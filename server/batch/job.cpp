@@ -72,6 +72,10 @@ absl::Status check_output(const BatchJob& job, OutputKind kind) {
     return absl::InvalidArgumentError(absl::StrCat(
         "--boxes: '", job.boxes, "' must hold {camera} when there are several cameras"));
   }
+  if (job.far.enabled && (job.passes.data() || !job.boxes.empty() || !job.channel.empty())) {
+    return absl::InvalidArgumentError(
+        "--far: a crowd that is drawn as one has no depth and id passes, boxes or channel");
+  }
   if ((job.passes.data() || !job.boxes.empty()) && job.pipeline.raster == render::RasterKind::kGl) {
     return absl::InvalidArgumentError(
         "--raster: gl draws colours only; depth, id and --boxes come from visibility");
@@ -379,6 +383,7 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
   view.viewport = job.viewport;
   view.selection = job.selection;
   view.look = job.look;
+  view.far = job.far;
   if (!job.channel.empty()) {
     const auto found = std::find(info.channel_names.begin(), info.channel_names.end(), job.channel);
     if (found != info.channel_names.end()) {

@@ -49,6 +49,7 @@ struct BatchJob {
   render::Viewport viewport;
   render::Selection selection;
   render::Look look;
+  render::FarSettings far;
   OverlayItems overlay;
   render::FramePipelineOptions pipeline;
 };

@@ -186,6 +186,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(ServerOptions options,
   loop_options.target_ms = options.target_ms;
   loop_options.controller = options.controller;
   loop_options.form = options.form;
+  loop_options.far = options.far;
   loop_options.max_pending_pictures = options.limits.max_pending_pictures;
   loop_options.now = options.now;
   auto loop = RenderLoop::start(std::move(make_renderer), std::move(loop_options));

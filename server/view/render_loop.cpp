@@ -385,6 +385,7 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   }
   if (options.form.has_value()) settings.selection.form = *options.form;
   settings.look.shadows = view.shadows;
+  settings.far = options.far;
   settings.channel = view.channel.empty() ? -1 : view.crowd->channel_index(view.channel);
   settings.look.color_by_channel = settings.channel >= 0;
   settings.look.channel_low = view.channel_low;

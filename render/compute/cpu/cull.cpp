@@ -14,6 +14,8 @@ CullJob job_of(CpuView& view) {
   CullJob job;
   job.frustum = element::frustum_from(view.clip_from_relative);
   job.eye_offset_m = view.eye_offset_m;
+  job.far_m = view.far_m;
+  job.agents = view.instances->count - view.instances->surrounding;
   job.sphere_m = view.instances->sphere_m.data();
   job.state = view.instances->state.data();
   job.mask = view.mask.data();

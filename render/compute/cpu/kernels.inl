@@ -25,7 +25,11 @@ std::uint32_t cull(const CullJob& job, std::size_t begin, std::size_t end) {
   std::uint32_t count = 0;
   for (std::size_t slot = begin; slot < end; ++slot) {
     const glm::vec4 sphere = element::relative_sphere(job.sphere_m[slot], job.eye_offset_m);
-    const std::uint8_t is_visible = element::touches(job.frustum, sphere) ? 1 : 0;
+    std::uint8_t is_visible = element::touches(job.frustum, sphere) ? 1 : 0;
+    if (is_visible != 0 && job.far_m > 0.0F && slot < job.agents &&
+        element::feet_distance(job.state[slot], job.eye_offset_m) >= job.far_m) {
+      is_visible = 0;
+    }
     job.mask[slot] = is_visible;
     count += is_visible;
   }

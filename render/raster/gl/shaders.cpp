@@ -419,8 +419,12 @@ void main() {
     float dw = dot(vec3(m[0].w, m[1].w, m[2].w), nearer);
     v_slope = vec3(-in_view.x * steep, in_view.y * steep,
                    (dz - v_disc.z * dw) / (clip.w * max(px_per_m, 1e-12)));
-  } else if (facing < 0.0) {
-    n = -n;
+  } else {
+    if (facing < 0.0) n = -n;
+    if (visible == 0xffffffffu && regions > 0u) {
+      float squeeze = 255.0 / float(min(regions, 255u));
+      v_slope.x = sqrt(squeeze * squeeze - 1.0);
+    }
   }
   // points are dropped with their centres: of one beside the picture the centre goes to its edge
   vec2 reach = 2.0 * radius / size;

@@ -56,6 +56,9 @@ struct Instances {
 /// One camera's working set: visible list, counts, offsets, buffers. Used by one thread at a time.
 struct ViewWork {
   virtual ~ViewWork() = default;
+  // agents whose feet are farther from the eye are culled, as the far crowd is drawn otherwise; 0:
+  // nobody is. The cuda backend culls none so far.
+  float far_m = 0.0F;
 };
 
 /// Variable-frequency motion update (Lyu et al., 3.1): who is farther than `distance_m` is posed

@@ -41,6 +41,7 @@ struct Triangulation {
   // Delaunay polygons; more corners than three where four are on a circle
   std::uint32_t triangles = 0;
   std::shared_ptr<const Roster> roster;  // whose slots these are; null: not told
+  std::int64_t time_us = 0;              // of the snapshot, where it is told
 
   std::uint32_t vertex_count() const { return static_cast<std::uint32_t>(position_m.size()); }
 };
@@ -91,11 +92,12 @@ struct FarFigures {
   static constexpr std::uint32_t kPhases = 8;                        // of a walk
   static constexpr std::uint32_t kPoses = 1 + kPhases;               // the first one stands
 
-  /// Of a figure a metre high, feet at the origin, facing +X. 36 bytes.
+  /// Of a figure a metre high, feet at the origin, facing +X. 40 bytes.
   struct Point {
     glm::vec3 position;
-    float radius;
-    glm::vec3 normal;       // mean: the shorter, the more the point goes round the figure
+    float radius;           // upright; negative: without a side, as it goes round the figure
+    glm::vec3 normal;       // mean: the shorter, the more it goes round
+    float squeeze;          // of what has no side: level extent by the upright one
     std::uint32_t base;     // colour before tints, as Splat::base
     std::uint32_t regions;  // tint mask, 8 bits each
   };
@@ -133,7 +135,8 @@ struct FarView {
   glm::dvec3 origin_world{0.0};
   glm::mat4 clip_from_relative{1.0F};
   float px_per_tangent = 1.0F;  // pixels of a metre at a metre
-  float least_m = 0.0F;         // who is nearer to the eye is drawn as something else
+  float least_m = 0.0F;   // who is nearer to the eye is drawn as something else
+  float walked_m = 2.0F;  // how far agents may be from where they were triangulated
 };
 FarView make_far_view(const Camera& camera, const Viewport& viewport,
                       const glm::dvec3& origin_world);
@@ -208,8 +211,8 @@ void generate_far(const FarPlan& plan, const FarAgents& agents, const FarFigures
                   std::span<const FarPlace> places, const FarView& view, WorkPool& pool,
                   std::vector<Splat>& splats);
 
-/// Triangulates in a thread of its own, the newest request first and not more often than told, so
-/// that no frame waits. Thread safe.
+/// Triangulates in a thread of its own, the newest request first and not more often than told nor
+/// for more than a tenth of the time, so that no frame waits. Thread safe.
 class TriangulationWorker {
  public:
   explicit TriangulationWorker(std::chrono::milliseconds least_interval,

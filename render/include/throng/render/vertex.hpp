@@ -21,8 +21,9 @@ struct Splat {
   float radius_m;               // negative: a disc without a side, which always faces the eye
   glm::i16vec2 normal;          // octahedral snorm16, world axes
   std::uint32_t base;           // colour: square roots of linear components, 10 bits, r lowest
-  std::uint32_t regions;        // tint mask, 8 bits each
-  std::uint32_t visible;        // index into the visible list; kNobody: one colour, no channel
+  std::uint32_t regions;  // tint mask, 8 bits each; of nobody: 0 or the disc's width, of 255 of its
+                          // height on the picture (without a side only)
+  std::uint32_t visible;  // index into the visible list; kNobody: one colour, no channel
 };
 static_assert(sizeof(Splat) == 32);
 inline constexpr std::uint32_t kNobody = 0xffffffffU;

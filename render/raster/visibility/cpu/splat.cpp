@@ -41,7 +41,13 @@ PlacedSplat place_one(const Splat& splat, const SampleGrid& grid, const SceneFra
   placed.depth = std::min(clip.z * inverse_w, 1.0F);
   const float samples_per_m = 2.0F * scene.px_per_tangent * inverse_w;
   placed.radius = std::max(std::abs(splat.radius_m) * samples_per_m, kLeastRadius);
-  if (!has_side) return placed;
+  if (!has_side) {
+    if (splat.visible == kNobody && splat.regions > 0) {
+      const float squeeze = 255.0F / static_cast<float>(std::min(splat.regions, 255U));
+      placed.slope_x = std::sqrt(squeeze * squeeze - 1.0F);
+    }
+    return placed;
+  }
   const glm::vec3 in_view = view_from_relative * n;
   const float steep = 1.0F / std::max(facing / glm::length(to_eye), kLeastFacing);
   // towards the eye where the surface rises: -n / n.z, y down on the picture
@@ -169,7 +175,7 @@ void SplatStage::collect(const TilePlanes& planes, std::span<const Splat> splats
         const Splat& splat = splats[number];
         items.instance[n] = static_cast<std::int32_t>(std::min(splat.visible, instances));
         items.base[n] = splat.base;
-        items.regions[n] = splat.regions;
+        items.regions[n] = splat.visible == kNobody ? 0 : splat.regions;
         glm::vec3 normal = element::unpack_octahedral(splat.normal);
         // a disc without a side shows the one it is seen from
         if (splat.radius_m < 0.0F &&
