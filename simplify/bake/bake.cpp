@@ -129,11 +129,13 @@ absl::StatusOr<BakeResult> bake(const SourceCharacter& original, const BakeOptio
   const auto joints = static_cast<std::uint32_t>(source.joints.size());
   const bool is_peng = options.criterion == Criterion::kPeng2011;
   const std::uint32_t max_poses = options.bind_pose_only ? 1 : options.max_poses;
-  const std::vector<render::Affine> usual = usual_frames(*clips, joints);
+  // the published rule looks at every frame of every clip
+  const std::vector<render::Affine> palette =
+      is_peng ? clips->palette : usual_frames(*clips, joints);
   const PoseSet poses = is_peng && !options.bind_pose_only
-                            ? all_poses(*surface, usual, joints)
-                            : sample_poses(*surface, usual, joints, max_poses);
-  const std::size_t frames = usual.size() / joints;
+                            ? all_poses(*surface, palette, joints)
+                            : sample_poses(*surface, palette, joints, max_poses);
+  const std::size_t frames = palette.size() / joints;
   if (is_peng && poses.count - 1 < frames) {
     result.notes.push_back(absl::StrCat("cost averaged over ", poses.count - 1, " of ", frames,
                                         " frames, evenly spaced: all would need over 1 GiB"));
@@ -154,7 +156,7 @@ absl::StatusOr<BakeResult> bake(const SourceCharacter& original, const BakeOptio
     data.joints.push_back({joint.name, joint.parent, {{rows[0], rows[1], rows[2]}}});
   }
   data.bounds = bounds_of(*surface, clips->palette, joints);
-  data.gait_bounds = bounds_of(*surface, usual, joints);
+  data.gait_bounds = bounds_of(*surface, usual_frames(*clips, joints), joints);
   data.clips = std::move(clips->clips);
   data.palette = std::move(clips->palette);
   for (const SourcePoint& point : surface->points)

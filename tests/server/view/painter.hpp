@@ -80,6 +80,8 @@ inline std::shared_ptr<const render::Cast> nobody_cast() {
   auto cast = std::make_shared<render::Cast>();
   cast->members.resize(1);
   cast->members[0].character.name = "nobody";
+  cast->members[0].character.clips = {
+      {"idle", render::ClipKind::kIdle, 0, 1, 1.0F, true, 0.0F, 0.0F}};
   return cast;
 }
 
