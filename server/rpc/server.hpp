@@ -28,7 +28,7 @@ struct ServerOptions {
   double target_ms = 0.0;  // over 0: views that ask for no budget get what a frame this long allows
   render::ControllerKind controller = render::ControllerKind::kPredictive;
   std::optional<render::FormRule> form;  // none: as the controller wants
-  render::FarSettings far;  // of all views: who is far away is drawn as one crowd
+  render::FarSettings far;               // of all views: who is far away is drawn as one crowd
   std::string version = "0";
   unsigned ingest_threads = 2;
   std::chrono::milliseconds keepalive_time{20'000};     // a ping after this long without traffic

@@ -23,7 +23,7 @@ struct RenderLoopOptions {
   render::ControllerKind controller =
       render::ControllerKind::kPredictive;  // how they are kept to it
   std::optional<render::FormRule> form;     // none: as the controller wants
-  render::FarSettings far;  // of all views
+  render::FarSettings far;                  // of all views
   std::uint32_t max_pending_pictures = 16;
   Now now = [] { return Clock::now(); };
 };

@@ -31,8 +31,8 @@ struct AdvanceJob {
 struct CullJob {
   element::Frustum frustum;
   glm::dvec3 eye_offset_m;
-  float far_m;             // 0: nobody is too far
-  std::size_t agents;      // slots before the surroundings, which never are
+  float far_m;         // 0: nobody is too far
+  std::size_t agents;  // slots before the surroundings, which never are
   const glm::vec4* sphere_m;
   const element::InstanceState* state;
   std::uint8_t* mask;

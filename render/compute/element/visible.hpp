@@ -27,7 +27,6 @@ THRONG_HOST_DEVICE inline float distance_of(const glm::vec4& relative_sphere) {
   return std::sqrt(fused(s.x, s.x, fused(s.y, s.y, s.z * s.z)));
 }
 
-/// What a slot that is seen becomes, before LOD selection.
 /// From the eye to an agent's feet: what decides who is drawn as a part of the far crowd.
 THRONG_HOST_DEVICE inline float feet_distance(const InstanceState& state,
                                               const glm::dvec3& eye_offset_m) {
@@ -36,6 +35,7 @@ THRONG_HOST_DEVICE inline float feet_distance(const InstanceState& state,
   return distance_of(glm::vec4(feet.x, feet.y, feet.z, 0.0F));
 }
 
+/// What a slot that is seen becomes, before LOD selection.
 THRONG_HOST_DEVICE inline VisibleInstance make_visible(const InstanceState& state, float radius_m,
                                                        std::uint32_t slot,
                                                        const glm::dvec3& eye_offset_m) {

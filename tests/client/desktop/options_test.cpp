@@ -67,8 +67,9 @@ TEST(ViewTextTest, IsThePagesAddress) {
   EXPECT_EQ(view->range, std::pair(0.0, 2.5));
   EXPECT_EQ(format_view_text(*view), text);
   EXPECT_EQ(format_view_text(*parse_view_text("")), "");
-  for (const char* bad : {"cam=1,2", "cam=1,2,3,-4,5,6", "cam=nan,0,0,1,0,0", "t=x", "t=1e12",
-                          "follow=-1", "speed=0", "speed=99", "color=a,2,1", "nonsense", "%", "crowd=%4"}) {
+  for (const char* bad :
+       {"cam=1,2", "cam=1,2,3,-4,5,6", "cam=nan,0,0,1,0,0", "t=x", "t=1e12", "follow=-1", "speed=0",
+        "speed=99", "color=a,2,1", "nonsense", "%", "crowd=%4"}) {
     const auto refused = parse_view_text(bad);
     ASSERT_FALSE(refused.ok()) << bad;
     EXPECT_NE(refused.status().message().find(bad), absl::string_view::npos);

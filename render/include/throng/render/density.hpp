@@ -135,8 +135,8 @@ struct FarView {
   glm::dvec3 origin_world{0.0};
   glm::mat4 clip_from_relative{1.0F};
   float px_per_tangent = 1.0F;  // pixels of a metre at a metre
-  float least_m = 0.0F;   // who is nearer to the eye is drawn as something else
-  float walked_m = 2.0F;  // how far agents may be from where they were triangulated
+  float least_m = 0.0F;         // who is nearer to the eye is drawn as something else
+  float walked_m = 2.0F;        // how far agents may be from where they were triangulated
 };
 FarView make_far_view(const Camera& camera, const Viewport& viewport,
                       const glm::dvec3& origin_world);

@@ -28,9 +28,9 @@ struct Environment {
   glm::dvec3 low_m{0.0}, high_m{0.0};  // box of all pieces, from the crowd's origin
 };
 
-/// Grows a box of agents (world frame, metres) by what stands near them, for cameras to be fitted to:
-/// the environment within half of what the agents span, at least 5 m. A city in which a few people
-/// stand does not make them specks.
+/// Grows a box of agents (world frame, metres) by what stands near them, for cameras to be fitted
+/// to: the environment within half of what the agents span, at least 5 m. A city in which a few
+/// people stand does not make them specks.
 /// @param environment  null: the box stays
 /// @param origin_world  of the crowd
 void include_environment(const Environment* environment, const glm::dvec3& origin_world,

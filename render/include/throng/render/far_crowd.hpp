@@ -19,8 +19,8 @@ struct FarCounters {
 };
 
 /// The far crowd of a frame, for whatever crowd it is asked for: triangulated off the thread that
-/// draws, at a bounded rate, or with FarSettings::wait at every half second of scene time, so that a
-/// picture depends on nothing but its moment. Used by one thread at a time.
+/// draws, at a bounded rate, or with FarSettings::wait at every half second of scene time, so that
+/// a picture depends on nothing but its moment. Used by one thread at a time.
 class FarCrowd {
  public:
   /// InvalidArgument where no member of the cast has surface points.

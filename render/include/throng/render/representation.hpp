@@ -85,7 +85,7 @@ inline constexpr std::uint32_t kPosedHeader = 16;  // values before a posed mesh
 /// Who is so far away that a crowd is drawn as one, in one draw (FarCrowd; Larkin et al.).
 struct FarSettings {
   bool enabled = false;
-  float distance_m = 0.0F;         // from the eye; 0: where figures are `least_px` high
+  float distance_m = 0.0F;  // from the eye; 0: where figures are `least_px` high
   float least_px = 16.0F;
   std::uint64_t points = 100'000;  // of all of them together, at least 1
   bool published = false;          // one average shape and sharing by density, as in the paper
