@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "server/doctor.hpp"
+#include "server/far_options.hpp"
 #include "server/rpc/server.hpp"
 #include "server/web/door.hpp"
 #include "throng/render/asset.hpp"
@@ -210,18 +211,7 @@ int main(int argc, char** argv) {
                  "impostors, points, or each as what is cheapest and looks right")
       ->capture_default_str()
       ->check(CLI::IsMember({"auto", "mesh", "impostor", "points", "mixed"}));
-  std::string far = "none";
-  app.add_option("--far", far,
-                 "Who is far away: none (drawn as all others are) or density (points from one "
-                 "budget, by how much of each is seen)")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"none", "density"}));
-  app.add_option("--far-distance", options.far.distance_m,
-                 "From where, m (default: where figures are under 16 px)")
-      ->check(CLI::Range(1.0, 1e6));
-  app.add_option("--far-points", options.far.points, "Points of all of them")
-      ->capture_default_str()
-      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{100'000'000}));
+  throng::server::add_far_options(app, options.far);
   app.add_option("--threads", pipeline.threads, "Render threads (0: one for each core)")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
@@ -273,7 +263,6 @@ int main(int argc, char** argv) {
   }
   const bool is_fixed = options.controller == throng::render::ControllerKind::kFixed;
   if (vertex_budget->count() > 0 || is_fixed) options.target_ms = 0.0;
-  options.far.enabled = far == "density";
   options.far.wait = false;
 
   spdlog::set_default_logger(spdlog::stderr_color_mt("throng"));

@@ -3,7 +3,6 @@
 #include <absl/status/statusor.h>
 
 #include <cstdint>
-#include <optional>
 #include <string>
 #include <utility>
 
@@ -26,21 +25,15 @@ class CameraPath {
   /// As client::CameraScript spells it. Who follows an agent that is not there sees the overview.
   /// NotFound; InvalidArgument with file, key, value and limit.
   static absl::StatusOr<CameraPath> parse(const std::string& text, const Site& site);
+  CameraPath(client::CameraScript script, const Site& site)
+      : script_(std::move(script)), site_(site) {}
 
   /// That of the script.
   const std::string& name() const { return script_.name(); }
 
-  /// The agent that it follows.
-  std::optional<std::uint64_t> followed() const {
-    const client::CameraScript::Follow* follow = script_.follow();
-    return follow == nullptr ? std::nullopt : std::optional(follow->agent);
-  }
-
   render::Camera at(double time_s, const render::Crowd& crowd) const;
 
  private:
-  CameraPath(client::CameraScript script, const Site& site)
-      : script_(std::move(script)), site_(site) {}
   render::Camera following(const client::CameraScript::Follow& follow, double time_s,
                            const render::Crowd& crowd) const;
   render::Camera overview() const;

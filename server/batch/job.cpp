@@ -96,10 +96,10 @@ struct Span {
   glm::dvec3 high{-std::numeric_limits<double>::infinity()};
   std::int64_t last_us = 0;
   std::uint64_t frames = 0;
-  std::set<std::uint64_t> ids;
+  std::set<std::uint64_t> ids;  // empty: not asked for
 };
 
-absl::StatusOr<Span> measure(const BatchJob& job) {
+absl::StatusOr<Span> measure(const BatchJob& job, bool wants_ids) {
   auto reader = open_source(job);
   if (!reader.ok()) return reader.status();
   Span span;
@@ -111,7 +111,7 @@ absl::StatusOr<Span> measure(const BatchJob& job) {
     if (!*more) break;
     ++span.frames;
     span.last_us = frame.time_us;
-    if (frame.ids != ids_before) {
+    if (wants_ids && frame.ids != ids_before) {
       span.ids.insert(frame.ids.begin(), frame.ids.end());
       ids_before = frame.ids;
     }
@@ -272,29 +272,31 @@ absl::StatusOr<std::shared_ptr<const render::Environment>> environment_of(
                       absl::StrCat(job.trajectory, ": ", made.status().message()));
 }
 
+/// @param scripts  of job.cameras
 absl::StatusOr<std::vector<Output>> make_outputs(const BatchJob& job, OutputKind kind,
-                                                 const Span& span, const Site& site) {
+                                                 const Span& span, const Site& site,
+                                                 std::vector<client::CameraScript> scripts) {
   if (job.cameras.size() > 1 && !absl::StrContains(job.output, kCamera)) {
     return absl::FailedPreconditionError(
         absl::StrCat("-o: '", job.output, "' must hold {camera} when there are several, such as ",
                      "out/{camera}/####.png or {camera}.mp4"));
   }
   std::vector<Output> outputs;
-  for (const std::string& text : job.cameras) {
-    absl::StatusOr<CameraPath> camera = CameraPath::parse(text, site);
-    if (!camera.ok()) return camera.status();
-    if (camera->followed().has_value() && !span.ids.contains(*camera->followed())) {
+  for (std::size_t i = 0; i < scripts.size(); ++i) {
+    if (const auto* follow = scripts[i].follow(); follow && !span.ids.contains(follow->agent)) {
       return absl::NotFoundError(absl::StrCat(
-          "--camera ", text, ": ", job.trajectory.empty() ? "the synthetic crowd" : job.trajectory,
+          "--camera ", job.cameras[i], ": ",
+          job.trajectory.empty() ? "the synthetic crowd" : job.trajectory,
           " has no such agent among its ", span.ids.size(),
           span.ids.empty() ? "" : absl::StrCat("; the first of them is ", *span.ids.begin())));
     }
+    CameraPath camera(std::move(scripts[i]), site);
     for (const Output& other : outputs) {
-      if (file_name_of(other.camera.name()) != file_name_of(camera->name())) continue;
+      if (file_name_of(other.camera.name()) != file_name_of(camera.name())) continue;
       return absl::FailedPreconditionError(
-          absl::StrCat("--camera: two are called '", camera->name(), "'"));
+          absl::StrCat("--camera: two are called '", camera.name(), "'"));
     }
-    Output& output = outputs.emplace_back(*std::move(camera));
+    Output& output = outputs.emplace_back(std::move(camera));
     output.path = absl::StrReplaceAll(job.output, {{kCamera, file_name_of(output.camera.name())}});
     if (kind == OutputKind::kVideo || kind == OutputKind::kStream) continue;
     const auto add = [&](bool wanted, const char* pass, std::optional<NumberedPath>& to) {
@@ -326,7 +328,15 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
     return failure(ExitCode::kUsage, std::string(status.message()));
   }
   const bool wants_passes = job.passes.data() || !job.boxes.empty();
-  const absl::StatusOr<Span> span = measure(job);
+  std::vector<client::CameraScript> scripts;
+  for (const std::string& text : job.cameras) {
+    absl::StatusOr<client::CameraScript> script = client::CameraScript::parse(text);
+    if (!script.ok()) return failure(ExitCode::kBadInput, std::string(script.status().message()));
+    scripts.push_back(*std::move(script));
+  }
+  const bool follows = std::any_of(scripts.begin(), scripts.end(),
+                                   [](const auto& script) { return script.follow() != nullptr; });
+  const absl::StatusOr<Span> span = measure(job, follows);
   if (!span.ok()) return failure(input_code(span.status()), std::string(span.status().message()));
   auto reader = open_source(job);
   if (!reader.ok()) {
@@ -348,7 +358,8 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
   render::include_environment(environment->get(), crowd_settings.origin_world, site.low_world,
                               site.high_world);
   site.high_world.z += kAgentHeightM;
-  absl::StatusOr<std::vector<Output>> outputs = make_outputs(job, *kind, *span, site);
+  absl::StatusOr<std::vector<Output>> outputs =
+      make_outputs(job, *kind, *span, site, std::move(scripts));
   if (!outputs.ok()) {
     return failure(
         absl::IsFailedPrecondition(outputs.status()) ? ExitCode::kUsage : ExitCode::kBadInput,

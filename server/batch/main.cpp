@@ -15,6 +15,7 @@
 
 #include "client/camera/camera_script.hpp"
 #include "server/batch/job.hpp"
+#include "server/far_options.hpp"
 #include "throng/render/gpu.hpp"
 
 namespace {
@@ -144,18 +145,7 @@ int main(int argc, char** argv) {
          "the cheapest form that is off by at most half a pixel)")
       ->capture_default_str()
       ->check(CLI::IsMember({"mesh", "impostor", "mixed"}));
-  std::string far = "none";
-  app.add_option("--far", far,
-                 "Who is far away: none (drawn as all others are) or density (points from one "
-                 "budget, by how much of each is seen)")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"none", "density"}));
-  app.add_option("--far-distance", job.far.distance_m,
-                 "From where, m (default: where figures are under 16 px)")
-      ->check(CLI::Range(1.0, 1e6));
-  app.add_option("--far-points", job.far.points, "Points of all of them")
-      ->capture_default_str()
-      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{100'000'000}));
+  throng::server::add_far_options(app, job.far);
   app.add_option("--shard", shard, "Render part I of N, or auto")
       ->capture_default_str()
       ->type_name("I/N|auto");
@@ -281,7 +271,6 @@ int main(int argc, char** argv) {
       lod == "dong2019" ? throng::render::LodRule::kDong2019 : throng::render::LodRule::kBudget;
   if (form == "mixed") job.selection.form = throng::render::FormRule::kMixed;
   if (form == "impostor") job.selection.form = throng::render::FormRule::kImpostor;
-  job.far.enabled = far == "density";
   job.pipeline.raster = raster == "gl"           ? throng::render::RasterKind::kGl
                         : raster == "visibility" ? throng::render::RasterKind::kVisibility
                                                  : throng::render::RasterKind::kAuto;
@@ -293,11 +282,11 @@ int main(int argc, char** argv) {
   }
   std::string why;
   // other forms than meshes are drawn by the processor only
-  if (compute == "cuda" && far != "none") {
+  if (compute == "cuda" && job.far.enabled) {
     return usage("--far: density is computed by the processor only, not by --compute cuda");
   }
   if (compute == "cuda" ||
-      (compute == "auto" && form == "mesh" && far == "none" &&
+      (compute == "auto" && form == "mesh" && !job.far.enabled &&
        throng::render::best_backend(why) == throng::render::BackendKind::kCuda)) {
     job.pipeline.backend = throng::render::BackendKind::kCuda;
   }

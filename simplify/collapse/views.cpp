@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "simplify/collapse/pixels.hpp"
 #include "throng/render/asset.hpp"
@@ -137,9 +138,11 @@ Views::Rect Views::box(const Picture& picture, const glm::uvec3& point) const {
           clamped(std::max({a.x, b.x, c.x}) + 2.0F), clamped(std::max({a.y, b.y, c.y}) + 2.0F)};
 }
 
-void Views::draw(const Picture& picture, std::span<const Drawn> triangles,
-                 const std::vector<bool>* removed, const Rect& rect,
-                 std::vector<std::uint32_t>& image, std::span<const Rect> boxes) const {
+template <typename Fill>
+void Views::fill_each(const Picture& picture, std::span<const Drawn> triangles,
+                      const std::vector<bool>* removed, const Rect& rect,
+                      std::vector<std::uint32_t>& image, std::span<const Rect> boxes,
+                      const Fill& fill) const {
   for (int y = rect.y0; y < rect.y1; ++y) {
     std::fill_n(near_.begin() + y * kSize_px + rect.x0, rect.x1 - rect.x0, -1.0e30F);
     std::fill_n(image.begin() + y * kSize_px + rect.x0, rect.x1 - rect.x0, kBackground);
@@ -157,10 +160,29 @@ void Views::draw(const Picture& picture, std::span<const Drawn> triangles,
     const float area = doubled_area(a, b, c);
     if (area == 0.0F) continue;
     if (area > 0.0F && (drawn.flags & render::kTriangleDoubleSided) == 0) continue;
+    const auto color_at = fill(t, area);
+    for_pixels(a, b, c, rect.x0, rect.y0, rect.x1, rect.y1, [&](int x, int y, float w0, float w1) {
+      const float w2 = 1.0F - w0 - w1;
+      const float nearness = w0 * a.z + w1 * b.z + w2 * c.z;
+      const std::size_t pixel = static_cast<std::size_t>(y) * kSize_px + x;
+      if (nearness <= near_[pixel]) return;
+      const std::optional<std::uint32_t> color = color_at(w0, w1, w2);
+      if (!color.has_value()) return;
+      near_[pixel] = nearness;
+      image[pixel] = *color;
+    });
+  }
+}
+
+void Views::draw(const Picture& picture, std::span<const Drawn> triangles,
+                 const std::vector<bool>* removed, const Rect& rect,
+                 std::vector<std::uint32_t>& image, std::span<const Rect> boxes) const {
+  fill_each(picture, triangles, removed, rect, image, boxes, [&](std::size_t t, float area) {
+    const Drawn& drawn = triangles[t];
     const glm::vec2 &ua = surface_.wedge_uv[drawn.wedge.x], &ub = surface_.wedge_uv[drawn.wedge.y],
                     &uc = surface_.wedge_uv[drawn.wedge.z];
-    const float sa = picture.shade[drawn.wedge.x], sb = picture.shade[drawn.wedge.y],
-                sc = picture.shade[drawn.wedge.z];
+    const glm::vec3 shade(picture.shade[drawn.wedge.x], picture.shade[drawn.wedge.y],
+                          picture.shade[drawn.wedge.z]);
     // as the renderer does: what is stretched over much of the texture shows the mean of it
     std::size_t level = 0;
     if (!levels_.empty()) {
@@ -170,21 +192,18 @@ void Views::draw(const Picture& picture, std::span<const Drawn> triangles,
       for (; texels > 2.0F * std::fabs(area) && level + 1 < levels_.size(); ++level)
         texels *= 0.25F;
     }
-    for_pixels(a, b, c, rect.x0, rect.y0, rect.x1, rect.y1, [&](int x, int y, float w0, float w1) {
-      const float w2 = 1.0F - w0 - w1;
-      const float nearness = w0 * a.z + w1 * b.z + w2 * c.z;
-      const std::size_t pixel = static_cast<std::size_t>(y) * kSize_px + x;
-      if (nearness <= near_[pixel]) return;
+    const bool has_holes = (drawn.flags & render::kTriangleAlphaCutout) != 0;
+    return [this, &ua, &ub, &uc, shade, level, has_holes](
+               float w0, float w1, float w2) -> std::optional<std::uint32_t> {
       glm::vec3 color(0.8F);
       if (!levels_.empty()) {
         const std::uint8_t* at = levels_[level].at(w0 * ua + w1 * ub + w2 * uc);
-        if (at[3] < 128 && (drawn.flags & render::kTriangleAlphaCutout) != 0) return;
+        if (at[3] < 128 && has_holes) return std::nullopt;
         color = glm::vec3(at[0], at[1], at[2]) / 255.0F;
       }
-      near_[pixel] = nearness;
-      image[pixel] = pack(color * (w0 * sa + w1 * sb + w2 * sc));
-    });
-  }
+      return pack(color * (w0 * shade.x + w1 * shade.y + w2 * shade.z));
+    };
+  });
 }
 
 namespace {
@@ -208,31 +227,10 @@ void for_rect(const Rect& rect, Visit visit) {
 void Views::draw_numbers(const Picture& picture, std::span<const Drawn> triangles,
                          const std::vector<bool>* removed, const Rect& rect,
                          std::vector<std::uint32_t>& image, std::span<const Rect> boxes) const {
-  for (int y = rect.y0; y < rect.y1; ++y) {
-    std::fill_n(near_.begin() + y * kSize_px + rect.x0, rect.x1 - rect.x0, -1.0e30F);
-    std::fill_n(image.begin() + y * kSize_px + rect.x0, rect.x1 - rect.x0, kBackground);
-  }
-  for (std::size_t t = 0; t < triangles.size(); ++t) {
-    if (removed != nullptr && (*removed)[t]) continue;
-    if (!boxes.empty()) {
-      const Rect& each = boxes[t];
-      if (each.x0 >= rect.x1 || each.x1 <= rect.x0 || each.y0 >= rect.y1 || each.y1 <= rect.y0)
-        continue;
-    }
-    const glm::uvec3& point = triangles[t].point;
-    const glm::vec3 &a = picture.place[point.x], &b = picture.place[point.y],
-                    &c = picture.place[point.z];
-    const float area = doubled_area(a, b, c);
-    if (area == 0.0F) continue;
-    if (area > 0.0F && (triangles[t].flags & render::kTriangleDoubleSided) == 0) continue;
-    for_pixels(a, b, c, rect.x0, rect.y0, rect.x1, rect.y1, [&](int x, int y, float w0, float w1) {
-      const float nearness = w0 * a.z + w1 * b.z + (1.0F - w0 - w1) * c.z;
-      const std::size_t pixel = static_cast<std::size_t>(y) * kSize_px + x;
-      if (nearness <= near_[pixel]) return;
-      near_[pixel] = nearness;
-      image[pixel] = static_cast<std::uint32_t>(t) | kSeen;
-    });
-  }
+  fill_each(picture, triangles, removed, rect, image, boxes, [](std::size_t t, float) {
+    const auto number = static_cast<std::uint32_t>(t) | kSeen;
+    return [number](float, float, float) { return std::optional(number); };
+  });
 }
 
 template <typename Visit>

@@ -64,6 +64,14 @@ class Views {
             const std::vector<bool>* removed, const Rect& rect, std::vector<std::uint32_t>& image,
             std::span<const Rect> boxes) const;
 
+  /// Both of them: `fill(triangle, its doubled area)` gives what tells the colour at three weights
+  /// of its corners, none for a hole.
+  template <typename Fill>
+  void fill_each(const Picture& picture, std::span<const Drawn> triangles,
+                 const std::vector<bool>* removed, const Rect& rect,
+                 std::vector<std::uint32_t>& image, std::span<const Rect> boxes,
+                 const Fill& fill) const;
+
   /// Which triangle is seen: its number and kSeen.
   void draw_numbers(const Picture& picture, std::span<const Drawn> triangles,
                     const std::vector<bool>* removed, const Rect& rect,

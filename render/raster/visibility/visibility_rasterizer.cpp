@@ -15,6 +15,7 @@
 #include "render/compute/element/hash.hpp"
 #include "render/raster/element/tone.hpp"
 #include "render/raster/scene.hpp"
+#include "render/raster/visibility/cpu/bins.hpp"
 #include "render/raster/visibility/cpu/relief.hpp"
 #include "render/raster/visibility/cpu/shade.hpp"
 #include "render/raster/visibility/cpu/speck.hpp"
@@ -145,47 +146,6 @@ class VisibilityRasterizer final : public Rasterizer {
                       int width, int height, TileScratch& scratch,
                       const FrameGeometry& geometry) const;
 
-  /// Lists by tile: those of tile i are entries [first[i], first[i + 1]), in no particular order.
-  template <typename Entry>
-  struct Bins {
-    static constexpr std::size_t kChunks = 16;  // of the values, so that threads can share the work
-    std::vector<std::uint32_t> first;           // [tiles + 1]
-    std::vector<std::uint32_t> next;            // [kChunks][tiles] where a chunk's entries go
-    std::vector<Entry> entries;
-
-    /// `visit(begin, end, place)` calls place(tile, entry) for each entry of values [begin, end),
-    /// twice in the same order.
-    template <typename Visit>
-    void fill(std::size_t tiles, std::size_t values, WorkPool& pool, const Visit& visit) {
-      first.resize(tiles + 1);
-      next.assign(kChunks * tiles, 0);
-      pool.run(kChunks, [&](std::size_t chunk, unsigned) {
-        std::uint32_t* own = next.data() + chunk * tiles;
-        visit(values * chunk / kChunks, values * (chunk + 1) / kChunks,
-              [own](std::size_t tile, const Entry&) { ++own[tile]; });
-      });
-      std::uint32_t sum = 0;
-      for (std::size_t tile = 0; tile < tiles; ++tile) {
-        first[tile] = sum;
-        for (std::size_t chunk = 0; chunk < kChunks; ++chunk) {
-          const std::uint32_t own = next[chunk * tiles + tile];
-          next[chunk * tiles + tile] = sum;
-          sum += own;
-        }
-      }
-      first[tiles] = sum;
-      if (entries.size() < sum) entries.resize(sum + sum / 2);
-      pool.run(kChunks, [&](std::size_t chunk, unsigned) {
-        std::uint32_t* own = next.data() + chunk * tiles;
-        visit(values * chunk / kChunks, values * (chunk + 1) / kChunks,
-              [this, own](std::size_t tile, const Entry& entry) { entries[own[tile]++] = entry; });
-      });
-    }
-    std::span<const Entry> of(std::size_t tile) const {
-      return {entries.data() + first[tile], entries.data() + first[tile + 1]};
-    }
-  };
-
   WorkPool pool_;
   std::string why_;
   bool occlusion_;
@@ -272,11 +232,8 @@ RasterCounters VisibilityRasterizer::counters() const {
     add(projected->inverse_w);
   }
   for (const TriangleList& list : lists_) sum.size_bytes += list.size_bytes();
-  sum.size_bytes += splats_.size_bytes() + specks_.size_bytes();
-  add(bins_.entries);
-  add(bins_.next);
-  add(blob_bins_.entries);
-  add(blob_bins_.next);
+  sum.size_bytes += splats_.size_bytes() + specks_.size_bytes() + bins_.size_bytes() +
+                    blob_bins_.size_bytes() + caster_bins_.size_bytes();
   add(blobs_);
   add(shadow_vertices_);
   add(shadow_indices_);

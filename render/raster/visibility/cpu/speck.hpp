@@ -8,6 +8,7 @@
 
 #include "render/compute/cpu/work_pool.hpp"
 #include "render/raster/scene.hpp"
+#include "render/raster/visibility/cpu/bins.hpp"
 #include "render/raster/visibility/cpu/tile.hpp"
 #include "throng/render/compute.hpp"
 
@@ -48,9 +49,9 @@ class SpeckStage {
  public:
   void place(const FrameGeometry& geometry, const SpeckScene& scene, std::uint32_t tiles_x,
              std::uint32_t tiles_y, WorkPool& pool);
-  void clear() { first_.clear(); }
+  void clear() { bins_.clear(); }
 
-  bool any(std::size_t tile) const { return !first_.empty() && first_[tile + 1] > first_[tile]; }
+  bool any(std::size_t tile) const { return bins_.any(tile); }
 
   /// Blends a tile's specks whose top left pixel is (x_px, y_px).
   /// @param planes  what is drawn already; null: nothing.
@@ -64,14 +65,12 @@ class SpeckStage {
              const SpeckScene& scene, float* missing) const;
 
   std::uint64_t size_bytes() const {
-    return placed_.capacity() * sizeof(PlacedSpeck) + 8 * entries_.capacity() +
-           4 * (first_.capacity() + next_.capacity());
+    return placed_.capacity() * sizeof(PlacedSpeck) + bins_.size_bytes();
   }
 
  private:
   std::vector<PlacedSpeck> placed_;
-  std::vector<std::uint32_t> first_, next_;  // as Bins of the rasterizer
-  std::vector<std::uint64_t> entries_;       // depth and number: rising is near to far
+  Bins<std::uint64_t> bins_;  // depth and number: rising is near to far
 };
 
 }  // namespace throng::render::visibility

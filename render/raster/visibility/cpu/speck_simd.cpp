@@ -414,9 +414,6 @@ void SpeckStage::place(const FrameGeometry& geometry, const SpeckScene& scene,
   if (placed_.size() < geometry.specks.size()) {
     placed_.resize(geometry.specks.size() + geometry.specks.size() / 2);
   }
-  // runs to chunks of the same bounds in both passes
-  constexpr std::size_t kChunks = 16;
-  next_.assign(kChunks * tiles, 0);
   const auto width = static_cast<float>(scene.grid->width) * 0.5F;
   const auto height = static_cast<float>(scene.grid->height) * 0.5F;
   const bool shadows = scene.scene->shadows;
@@ -437,41 +434,19 @@ void SpeckStage::place(const FrameGeometry& geometry, const SpeckScene& scene,
       for (std::uint32_t tx = tile_of(x0, width); tx <= tx1; ++tx) visit(ty * tiles_x + tx);
     }
   };
-  pool.run(kChunks, [&](std::size_t chunk, unsigned) {
-    std::uint32_t* own = next_.data() + chunk * tiles;
-    const std::size_t end = runs.size() * (chunk + 1) / kChunks;
-    for (std::size_t r = runs.size() * chunk / kChunks; r < end; ++r) {
-      HWY_DYNAMIC_DISPATCH(PlaceSpecks)
-      (geometry.specks.data() + runs[r].first, runs[r].count, table, scene,
-       placed_.data() + runs[r].first);
-      for (std::uint32_t i = runs[r].first; i < runs[r].first + runs[r].count; ++i) {
-        if (placed_[i].depth > 0.0F)
-          for_tiles(placed_[i], [own](std::uint32_t tile) { ++own[tile]; });
-      }
-    }
+  pool.run(runs.size(), [&](std::size_t r, unsigned) {
+    HWY_DYNAMIC_DISPATCH(PlaceSpecks)
+    (geometry.specks.data() + runs[r].first, runs[r].count, table, scene,
+     placed_.data() + runs[r].first);
   });
-  first_.resize(tiles + 1);
-  std::uint32_t sum = 0;
-  for (std::size_t tile = 0; tile < tiles; ++tile) {
-    first_[tile] = sum;
-    for (std::size_t chunk = 0; chunk < kChunks; ++chunk) {
-      const std::uint32_t own = next_[chunk * tiles + tile];
-      next_[chunk * tiles + tile] = sum;
-      sum += own;
-    }
-  }
-  first_[tiles] = sum;
-  if (entries_.size() < sum) entries_.resize(sum + sum / 2);
-  pool.run(kChunks, [&](std::size_t chunk, unsigned) {
-    std::uint32_t* own = next_.data() + chunk * tiles;
-    const std::size_t end = runs.size() * (chunk + 1) / kChunks;
-    for (std::size_t r = runs.size() * chunk / kChunks; r < end; ++r) {
+  bins_.fill(tiles, runs.size(), pool, [&](std::size_t begin, std::size_t end, auto&& put) {
+    for (std::size_t r = begin; r < end; ++r) {
       for (std::uint32_t i = runs[r].first; i < runs[r].first + runs[r].count; ++i) {
         if (!(placed_[i].depth > 0.0F)) continue;
         std::uint32_t depth = 0;  // positive floats are in the order of their bits
         std::memcpy(&depth, &placed_[i].depth, sizeof depth);
         const std::uint64_t entry = std::uint64_t{~depth} << 32 | i;
-        for_tiles(placed_[i], [&](std::uint32_t tile) { entries_[own[tile]++] = entry; });
+        for_tiles(placed_[i], [&](std::uint32_t tile) { put(tile, entry); });
       }
     }
   });
@@ -519,7 +494,7 @@ void SpeckStage::draw(std::size_t tile, int x_px, int y_px, const FrameGeometry&
                       std::vector<std::uint64_t>& order, SpeckTile& result) const {
   std::memset(result.rgb, 0, sizeof(result.rgb));
   std::fill(std::begin(result.through), std::end(result.through), 1.0F);
-  sort_by_depth({entries_.data() + first_[tile], entries_.data() + first_[tile + 1]}, order);
+  sort_by_depth(bins_.of(tile), order);
   HWY_DYNAMIC_DISPATCH(BlendSpecks)
   ({geometry.specks.data(), geometry.speck_table, placed_.data(), order.data(), order.size()},
    scene, x_px, y_px, planes, result);
@@ -527,10 +502,10 @@ void SpeckStage::draw(std::size_t tile, int x_px, int y_px, const FrameGeometry&
 
 void SpeckStage::shade(std::size_t tile, int x_px, int y_px, const FrameGeometry& geometry,
                        const SpeckScene& scene, float* missing) const {
+  const std::span<const std::uint64_t> list = bins_.of(tile);
   HWY_DYNAMIC_DISPATCH(ShadeSpecks)
-  ({geometry.specks.data(), geometry.speck_table, placed_.data(), entries_.data() + first_[tile],
-    first_[tile + 1] - first_[tile]},
-   scene, x_px, y_px, missing);
+  ({geometry.specks.data(), geometry.speck_table, placed_.data(), list.data(), list.size()}, scene,
+   x_px, y_px, missing);
 }
 
 }  // namespace throng::render::visibility

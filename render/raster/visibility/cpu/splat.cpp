@@ -69,9 +69,9 @@ PlacedSplat place_one(const Splat& splat, const SampleGrid& grid, const SceneFra
 void SplatStage::place(std::span<const Splat> splats, const SampleGrid& grid,
                        const SceneFrame& scene, const glm::mat3& view_from_relative,
                        std::uint32_t tiles_x, std::uint32_t tiles_y, WorkPool& pool) {
+  constexpr std::size_t kChunk = 512;
   const std::size_t count = splats.size(), tiles = std::size_t{tiles_x} * tiles_y;
   if (placed_.size() < count) placed_.resize(count + count / 2);
-  next_.assign(kChunks * tiles, 0);
   const auto width = static_cast<float>(grid.width), height = static_cast<float>(grid.height);
   const auto for_tiles = [&](const PlacedSplat& splat, const auto& visit) {
     const float x0 = splat.x - splat.radius, x1 = splat.x + splat.radius;
@@ -85,43 +85,24 @@ void SplatStage::place(std::span<const Splat> splats, const SampleGrid& grid,
       for (std::uint32_t tx = tile_of(x0, width); tx <= tx1; ++tx) visit(ty * tiles_x + tx);
     }
   };
-  pool.run(kChunks, [&](std::size_t chunk, unsigned) {
-    std::uint32_t* own = next_.data() + chunk * tiles;
-    const std::size_t end = count * (chunk + 1) / kChunks;
-    for (std::size_t i = count * chunk / kChunks; i < end; ++i) {
+  pool.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
       placed_[i] = place_one(splats[i], grid, scene, view_from_relative);
-      if (placed_[i].radius > 0.0F)
-        for_tiles(placed_[i], [own](std::uint32_t tile) { ++own[tile]; });
     }
   });
-  first_.resize(tiles + 1);
-  std::uint32_t sum = 0;
-  for (std::size_t tile = 0; tile < tiles; ++tile) {
-    first_[tile] = sum;
-    for (std::size_t chunk = 0; chunk < kChunks; ++chunk) {
-      const std::uint32_t own = next_[chunk * tiles + tile];
-      next_[chunk * tiles + tile] = sum;
-      sum += own;
-    }
-  }
-  first_[tiles] = sum;
-  if (entries_.size() < sum) entries_.resize(sum + sum / 2);
-  pool.run(kChunks, [&](std::size_t chunk, unsigned) {
-    std::uint32_t* own = next_.data() + chunk * tiles;
-    const std::size_t end = count * (chunk + 1) / kChunks;
-    for (std::size_t i = count * chunk / kChunks; i < end; ++i) {
+  bins_.fill(tiles, count, pool, [&](std::size_t begin, std::size_t end, auto&& put) {
+    for (std::size_t i = begin; i < end; ++i) {
       if (!(placed_[i].radius > 0.0F)) continue;
-      for_tiles(placed_[i],
-                [&](std::uint32_t tile) { entries_[own[tile]++] = static_cast<std::uint32_t>(i); });
+      for_tiles(placed_[i], [&](std::uint32_t tile) { put(tile, static_cast<std::uint32_t>(i)); });
     }
   });
 }
 
 void SplatStage::draw(std::size_t tile, int tile_x, int tile_y, TilePlanes& planes) const {
-  const std::uint32_t end = first_[tile + 1];
-  for (std::uint32_t e = first_[tile]; e < end; ++e) {
-    if (e + 8 < end) __builtin_prefetch(&placed_[entries_[e + 8]]);
-    const std::uint32_t number = entries_[e];
+  const std::span<const std::uint32_t> list = bins_.of(tile);
+  for (std::size_t e = 0; e < list.size(); ++e) {
+    if (e + 8 < list.size()) __builtin_prefetch(&placed_[list[e + 8]]);
+    const std::uint32_t number = list[e];
     const PlacedSplat& splat = placed_[number];
     // sample centres are at halves
     const float cx = splat.x - static_cast<float>(tile_x) - 0.5F;

@@ -8,6 +8,7 @@
 
 #include "render/compute/cpu/work_pool.hpp"
 #include "render/raster/scene.hpp"
+#include "render/raster/visibility/cpu/bins.hpp"
 #include "render/raster/visibility/cpu/shade.hpp"
 #include "render/raster/visibility/cpu/tile.hpp"
 #include "throng/render/vertex.hpp"
@@ -40,9 +41,9 @@ class SplatStage {
   void place(std::span<const Splat> splats, const SampleGrid& grid, const SceneFrame& scene,
              const glm::mat3& view_from_relative, std::uint32_t tiles_x, std::uint32_t tiles_y,
              WorkPool& pool);
-  void clear() { first_.clear(); }
+  void clear() { bins_.clear(); }
 
-  bool any(std::size_t tile) const { return !first_.empty() && first_[tile + 1] > first_[tile]; }
+  bool any(std::size_t tile) const { return bins_.any(tile); }
 
   /// Draws a tile's splats whose top left sample is (tile_x, tile_y).
   void draw(std::size_t tile, int tile_x, int tile_y, TilePlanes& planes) const;
@@ -57,15 +58,12 @@ class SplatStage {
   static std::uint32_t number_of(std::uint32_t id) { return id & ((1U << 30) - 1); }
 
   std::uint64_t size_bytes() const {
-    return placed_.capacity() * sizeof(PlacedSplat) +
-           4 * (first_.capacity() + next_.capacity() + entries_.capacity());
+    return placed_.capacity() * sizeof(PlacedSplat) + bins_.size_bytes();
   }
 
  private:
-  static constexpr std::size_t kChunks = 16;
-
   std::vector<PlacedSplat> placed_;
-  std::vector<std::uint32_t> first_, next_, entries_;  // as Bins of the rasterizer
+  Bins<std::uint32_t> bins_;
 };
 
 }  // namespace throng::render::visibility
