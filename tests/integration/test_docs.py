@@ -1,4 +1,4 @@
-"""Every command that README shows is run here, or says which test runs it.
+"""Every command that README and the page of results show is run here, or says which test runs it.
 
 Pictures are made small and recordings short by options that are appended or replaced; nothing else of a command is
 changed. Of a command that README gains and this file does not know yet only the options are checked.
@@ -18,7 +18,7 @@ import pytest
 
 from conftest import BUILD, ROOT
 
-README = (ROOT / "README.md").read_text()
+README = "".join((ROOT / name).read_text() for name in ("README.md", "tests/bench/results/README.md"))
 SMALL = "--size 320x180 --vertex-budget 20000"
 
 
