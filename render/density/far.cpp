@@ -72,12 +72,15 @@ void place_far(const FarPlan& plan, const Cast& cast, const Roster* roster, cons
                WorkPool& pool, std::vector<FarPlace>& places) {
   const std::span<const FarShare> shares = plan.shares();
   places.assign(shares.size(), {});
-  const element::Between between = element::between(bracket.older->time_us, bracket.newer->time_us,
-                                                    scene_time_us, settings.extrapolate_limit_us);
-  const Snapshot& shown_snapshot = between.at_newer ? *bracket.newer : *bracket.older;
-  const element::SnapshotColumns shown = columns_of(shown_snapshot, -1);
-  const element::SnapshotColumns newer = columns_of(*bracket.newer, -1);
-  const bool same_roster = bracket.older->roster == bracket.newer->roster;
+  element::Bracketed moment;
+  moment.between = element::between(bracket.older->time_us, bracket.newer->time_us, scene_time_us,
+                                    settings.extrapolate_limit_us);
+  const Snapshot& shown_snapshot = moment.between.at_newer ? *bracket.newer : *bracket.older;
+  moment.shown = columns_of(shown_snapshot, -1);
+  moment.newer = columns_of(*bracket.newer, -1);
+  moment.same_roster = bracket.older->roster == bracket.newer->roster;
+  moment.scene_time_us = scene_time_us;
+  const element::SnapshotColumns &shown = moment.shown, &newer = moment.newer;
   const bool same_agents = roster == nullptr || roster == shown_snapshot.roster.get();
   std::vector<element::Gait> gaits;
   for (const CastMember& member : cast.members) gaits.push_back(gait_of(member.character));
@@ -99,9 +102,9 @@ void place_far(const FarPlan& plan, const Cast& cast, const Roster* roster, cons
       if (slot >= shown.slots || shown.present[slot] == 0) continue;
       if (!same_agents && roster->id[slot] != shown.id[slot]) continue;
       const element::Gait& gait = gaits[shown.character[slot]];
-      const element::InstanceState state =
-          element::advance_slot(shown, newer, between, same_roster, gait, scene_time_us, slot);
-      if (view.least_m > 0.0F && element::feet_distance(state, eye) < view.least_m) continue;
+      const element::InstanceState state = element::advance_slot(moment, gait, slot);
+      if (view.least_m > 0.0F && element::feet_distance(state.position_m, eye) < view.least_m)
+        continue;
       places[i] = {state.position_m, state.heading_rad, figure_pose(state.pose, gait), 1};
     }
   });

@@ -85,7 +85,7 @@ void BM_Frame(benchmark::State& state, RasterKind raster, Place place, FormRule 
   FrameStats stats;
   StageTimes sum;
   std::int64_t time_us = 0;
-  double triangles = 0, frames = 0;
+  double triangles = 0, specks = 0, frames = 0;
   if (!(*pipeline)
            ->render(*crowd, 0, view, picture, stats)
            .ok()) {  // tables are made, buffers grow
@@ -106,6 +106,7 @@ void BM_Frame(benchmark::State& state, RasterKind raster, Place place, FormRule 
     sum.generate_ms += stats.cpu_times.generate_ms;
     sum.raster_ms += stats.cpu_times.raster_ms;
     triangles += static_cast<double>(stats.counters.triangles);
+    specks += stats.counters.drawn_as[static_cast<std::size_t>(Representation::kSpeck)];
     frames += 1;
   }
   state.counters["advance_ms"] = sum.advance_ms / frames;
@@ -113,6 +114,7 @@ void BM_Frame(benchmark::State& state, RasterKind raster, Place place, FormRule 
   state.counters["select_ms"] = sum.select_ms / frames;
   state.counters["generate_ms"] = sum.generate_ms / frames;
   state.counters["raster_ms"] = sum.raster_ms / frames;
+  state.counters["kspecks"] = specks / frames * 1e-3;
   state.counters["Mtri"] = triangles / frames * 1e-6;
 }
 

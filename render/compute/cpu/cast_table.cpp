@@ -109,6 +109,9 @@ absl::StatusOr<std::shared_ptr<const CastTable>> make_cast_table(std::shared_ptr
     CharacterTable& entry = table->characters.emplace_back();
     entry.character = &character;
     entry.gait = gait_of(character, motions);
+    for (const glm::vec4& bounds : {character.bounds, character.gait_bounds}) {
+      entry.reach_m = std::max(entry.reach_m, glm::length(glm::vec3(bounds)) + bounds.w);
+    }
     entry.vertex = table_vertices(character);
     entry.point = table_points(character);
     entry.palette = columns_of(character.palette);

@@ -35,6 +35,7 @@ static_assert(sizeof(TableVertex) == 48);
 struct CharacterTable {
   const Character* character = nullptr;  // of the cast
   element::Gait gait;
+  float reach_m = 0.0F;                       // from the feet, whatever it does
   std::vector<TableVertex> vertex;            // [C]
   std::vector<element::JointMatrix> palette;  // [F][J]
   std::vector<std::uint32_t> joint_order;     // joints by the first vertex that needs them

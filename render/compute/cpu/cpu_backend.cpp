@@ -30,6 +30,8 @@ class InstancesPool {
     if (instances == nullptr) instances = std::make_unique<CpuInstances>();
     return {instances.release(), [pool](CpuInstances* returned) {
               returned->cast.reset();
+              returned->older.reset();
+              returned->newer.reset();
               const std::lock_guard lock(pool->mutex_);
               pool->idle_.emplace_back(returned);
             }};
@@ -93,7 +95,7 @@ class CpuBackend final : public ComputeBackend {
           !status.ok()) {
         return status;
       }
-      render::advance(*older_cpu->snapshot, *newer_cpu->snapshot, scene_time_us, settings, channel,
+      render::advance(older_cpu->snapshot, newer_cpu->snapshot, scene_time_us, settings, channel,
                       surroundings, machine(), *instances);
       return instances;
     } catch (const std::bad_alloc&) {

@@ -16,12 +16,13 @@ CullJob job_of(CpuView& view) {
   job.eye_offset_m = view.eye_offset_m;
   job.far_m = view.far_m;
   job.agents = view.instances->count - view.instances->surrounding;
-  job.sphere_m = view.instances->sphere_m.data();
-  job.state = view.instances->state.data();
+  job.instances = view.instances.get();
   job.mask = view.mask.data();
   view.visible.resize(view.mask_count);
+  view.state.resize(view.mask_count);
   view.distance_m.resize(view.mask_count);
   job.visible = view.visible.data();
+  job.state = view.state.data();
   job.distance_m = view.distance_m.data();
   return job;
 }
@@ -70,9 +71,7 @@ void list_mixed(CpuView& view, const MixedForms& mixed, WorkPool& pool, const Ke
   job.projection = view.projection;
   job.forward = view.forward;
   job.mixed = mixed;
-  job.cast = view.instances->cast.get();
   job.has_images = view.speck_table->has_images.data();
-  job.agents = view.instances->count - view.instances->surrounding;
   view.specks.resize(view.mask_count);
   job.specks = view.specks.data();
   std::vector<Split> made(view.chunk_count.size());
@@ -86,6 +85,7 @@ void list_mixed(CpuView& view, const MixedForms& mixed, WorkPool& pool, const Ke
   for (std::size_t chunk = 0; chunk < made.size(); ++chunk) {
     const std::uint32_t first = view.chunk_count[chunk], own = made[chunk].listed;
     std::copy_n(view.visible.data() + first, own, view.visible.data() + listed);
+    std::copy_n(view.state.data() + first, own, view.state.data() + listed);
     std::copy_n(view.distance_m.data() + first, own, view.distance_m.data() + listed);
     listed += own;
     if (made[chunk].specks != 0) view.speck_runs.push_back({first, made[chunk].specks});
@@ -93,6 +93,7 @@ void list_mixed(CpuView& view, const MixedForms& mixed, WorkPool& pool, const Ke
     view.left_out += made[chunk].left_out;
   }
   view.visible.resize(listed);
+  view.state.resize(listed);
   view.distance_m.resize(listed);
 }
 

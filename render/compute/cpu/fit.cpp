@@ -20,18 +20,21 @@ struct Sample {
 };
 
 /// Every so many of the visible agents.
-std::vector<Sample> sample(const CpuView& view, const MixedForms& mixed, std::uint32_t& every) {
+std::vector<Sample> sample(const CpuView& view, const MixedForms& mixed, const Kernels& kernels,
+                           std::uint32_t& every) {
   const CpuInstances& instances = *view.instances;
   const CastTable& cast = *instances.cast;
   every = view.visible_agents / kSamples + 1;
   std::vector<Sample> samples;
   samples.reserve(view.visible_agents / every + 1);
   const std::uint32_t agents = instances.count - instances.surrounding;
-  std::uint32_t seen = 0;
+  std::uint32_t skip = 0;
   for (std::uint32_t slot = 0; slot < agents; ++slot) {
-    if (view.mask[slot] == 0 || seen++ % every != 0) continue;
-    const element::InstanceState& state = instances.state[slot];
-    const glm::vec4& sphere_m = instances.sphere_m[slot];
+    if (view.mask[slot] == 0 || skip-- != 0) continue;
+    skip = every - 1;
+    const PlacedInstance placed = kernels.place(instances, slot);
+    const element::InstanceState& state = placed.state;
+    const glm::vec4& sphere_m = placed.sphere_m;
     const float distance_m =
         element::distance_of(element::relative_sphere(sphere_m, view.eye_offset_m));
     const CharacterTable& table = cast.characters[state.character];
@@ -94,10 +97,10 @@ FrameWork work_of(const std::vector<Sample>& samples, std::uint32_t every, const
 
 }  // namespace
 
-void fit_error(CpuView& view, Selection& selection) {
+void fit_error(CpuView& view, const Kernels& kernels, Selection& selection) {
   MixedForms& mixed = selection.mixed;
   std::uint32_t every = 1;
-  const std::vector<Sample> samples = sample(view, mixed, every);
+  const std::vector<Sample> samples = sample(view, mixed, kernels, every);
   const auto work_at = [&](float error_px) {
     return work_of(samples, every, view, selection, error_px);
   };

@@ -172,7 +172,7 @@ void make_joints(CpuView& view, Machine machine) {
   std::uint32_t joints = 0;
   for (std::size_t v = 0; v < count; ++v) {
     const VisibleInstance& instance = view.visible[v];
-    const element::Placement& placement = instances.state[instance.slot].placement;
+    const element::Placement& placement = view.state[v].placement;
     view.jointed[v] = {0, placement.cosine_scale, placement.sine_scale, 0};
     if (!has_joints(view.representation[v])) continue;
     const CharacterTable& table = cast.characters[instance.character];
@@ -180,8 +180,8 @@ void make_joints(CpuView& view, Machine machine) {
     std::uint32_t* first = &own;
     if (view.tier[v] != kOwnPose) {
       first = &view.shared_joints[std::size_t{instance.character} * element::kSharedPoses +
-                                  element::shared_pose_of(instances.state[instance.slot].pose,
-                                                          table.gait, view.tier[v])];
+                                  element::shared_pose_of(view.state[v].pose, table.gait,
+                                                          view.tier[v])];
     }
     if (*first == kNobody) {
       *first = joints;
@@ -197,7 +197,7 @@ void make_joints(CpuView& view, Machine machine) {
       const std::size_t v = palettes[k].visible;
       const VisibleInstance& instance = view.visible[v];
       const CharacterTable& table = cast.characters[instance.character];
-      element::InstanceState state = instances.state[instance.slot];
+      element::InstanceState state = view.state[v];
       state.placement = {1.0F, 0.0F, 1.0F};
       if (view.tier[v] != kOwnPose) {
         state.pose = element::shared_pose(

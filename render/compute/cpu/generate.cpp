@@ -196,7 +196,7 @@ absl::Status generate(CpuView& view, Machine machine, PosedBank& bank, PosedBank
       }
       if (view.tier[v] != kOwnPose) {
         const PosedBank::Mesh& mesh = bank.mesh(view.mesh[v]);
-        element::Placement placement = instances.state[instance.slot].placement;
+        element::Placement placement = view.state[v].placement;
         if (instance.scale != placement.scale) {  // one that stands for several (choose_forms)
           const float larger = instance.scale / placement.scale;
           placement = {larger * placement.cosine_scale, larger * placement.sine_scale,
@@ -223,7 +223,7 @@ absl::Status generate(CpuView& view, Machine machine, PosedBank& bank, PosedBank
       if (!view.held.empty() && move_held(view, v, view.vertex_offset[v], view.vertices.data())) {
         ++view.held_poses[worker];
       } else {
-        kernels.pose_palette(table, instances.state[instance.slot], instance.vertex_count, palette);
+        kernels.pose_palette(table, view.state[v], instance.vertex_count, palette);
         kernels.skin(table.vertex.data(), instance, static_cast<std::uint32_t>(v), palette,
                      view.vertices.data() + view.vertex_offset[v]);
       }

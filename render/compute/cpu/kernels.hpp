@@ -18,25 +18,15 @@ namespace throng::render {
 /// multiply-add of kAvx2 each one is a call into the C library, and slow.
 enum class KernelLevel { kPlain, kAvx2, kAvx512 };
 
-struct AdvanceJob {
-  element::SnapshotColumns older, newer;
-  bool same_roster;
-  const CastTable* cast;
-  element::Between between;
-  std::int64_t scene_time_us;
-  glm::vec4* sphere_m;
-  element::InstanceState* state;
-};
-
 struct CullJob {
   element::Frustum frustum;
   glm::dvec3 eye_offset_m;
   float far_m;         // 0: nobody is too far
   std::size_t agents;  // slots before the surroundings, which never are
-  const glm::vec4* sphere_m;
-  const element::InstanceState* state;
+  const CpuInstances* instances;
   std::uint8_t* mask;
   VisibleInstance* visible;
+  element::InstanceState* state;
   float* distance_m;
 };
 
@@ -45,10 +35,12 @@ struct SplitJob {
   element::Projection projection;
   glm::vec3 forward;  // orthographic: where all look
   MixedForms mixed;
-  const CastTable* cast;
   const std::uint8_t* has_images;  // by character
-  std::uint32_t agents;            // slots from here on are surroundings
   Speck* specks;
+};
+struct PlacedInstance {
+  element::InstanceState state;
+  glm::vec4 sphere_m;  // offset from the crowd's origin
 };
 struct Split {
   std::uint32_t listed = 0, specks = 0, left_out = 0;
@@ -56,7 +48,12 @@ struct Split {
 
 /// The loops that take the time. Ranges are of slots or of visible instances.
 struct Kernels {
-  void (*advance)(const AdvanceJob& job, std::size_t begin, std::size_t end);
+  /// Writes CpuInstances::place_m.
+  void (*advance)(const element::Bracketed& moment, glm::vec4* place_m, std::size_t begin,
+                  std::size_t end);
+
+  /// An agent or a piece of the surroundings, and its bounding sphere.
+  PlacedInstance (*place)(const CpuInstances& instances, std::size_t slot);
 
   /// Writes the mask; returns how many are visible.
   std::uint32_t (*cull)(const CullJob& job, std::size_t begin, std::size_t end);

@@ -3,48 +3,111 @@
 
 using element::InstanceState;
 
-void advance(const AdvanceJob& job, std::size_t begin, std::size_t end) {
-  const element::SnapshotColumns& shown = job.between.at_newer ? job.newer : job.older;
+void advance(const element::Bracketed& moment, glm::vec4* place_m, std::size_t begin,
+             std::size_t end) {
   for (std::size_t slot = begin; slot < end; ++slot) {
-    if (shown.present[slot] == 0) {
-      job.sphere_m[slot] = glm::vec4(0.0F, 0.0F, 0.0F, -1.0F);
+    if (moment.shown.present[slot] == 0) {
+      place_m[slot] = glm::vec4(0.0F, 0.0F, 0.0F, -1.0F);
       continue;
     }
-    const CharacterTable& table = job.cast->characters[shown.character[slot]];
-    InstanceState& state = job.state[slot];
-    state = element::advance_slot(shown, job.newer, job.between, job.same_roster, table.gait,
-                                  job.scene_time_us, slot);
-    job.sphere_m[slot] =
-        element::place_sphere(state.placement, state.position_m,
-                              element::is_acting(state.pose) ? table.character->bounds
-                                                             : table.character->gait_bounds);
+    place_m[slot] = glm::vec4(element::position_at(moment, slot), moment.shown.scale[slot]);
   }
 }
 
+PlacedInstance place(const CpuInstances& instances, std::size_t slot) {
+  PlacedInstance placed;
+  const std::vector<CharacterTable>& characters = instances.cast->characters;
+  const std::size_t agents = instances.count - instances.surrounding;
+  if (slot >= agents) {
+    const auto member = instances.first_surrounding + static_cast<std::uint32_t>(slot - agents);
+    placed.state = element::standing_still(member);
+    placed.sphere_m = characters[member].character->bounds;
+    return placed;
+  }
+  const CharacterTable& table = characters[instances.moment.shown.character[slot]];
+  placed.state = element::advance_slot(instances.moment, table.gait, slot);
+  placed.sphere_m =
+      element::place_sphere(placed.state.placement, placed.state.position_m,
+                            element::is_acting(placed.state.pose) ? table.character->bounds
+                                                                  : table.character->gait_bounds);
+  return placed;
+}
+
 std::uint32_t cull(const CullJob& job, std::size_t begin, std::size_t end) {
+  const CpuInstances& instances = *job.instances;
+  const auto exactly = [&](std::size_t slot) {
+    return element::touches(
+        job.frustum, element::relative_sphere(place(instances, slot).sphere_m, job.eye_offset_m));
+  };
   std::uint32_t count = 0;
-  for (std::size_t slot = begin; slot < end; ++slot) {
-    const glm::vec4 sphere = element::relative_sphere(job.sphere_m[slot], job.eye_offset_m);
-    std::uint8_t is_visible = element::touches(job.frustum, sphere) ? 1 : 0;
-    if (is_visible != 0 && job.far_m > 0.0F && slot < job.agents &&
-        element::feet_distance(job.state[slot], job.eye_offset_m) >= job.far_m) {
-      is_visible = 0;
+  std::size_t slot = begin;
+  // Whose feet are farther from all planes than the figure reaches needs no pose. Planes relative
+  // to the crowd's origin, in float: `slack_m` covers what that rounds.
+  const std::size_t agents = end < job.agents ? end : job.agents;
+  glm::vec4 planes[6];
+  float slack_m = 1e-3F;
+  for (int k = 0; k < 6; ++k) {
+    const glm::vec4& plane = job.frustum.planes[k];
+    const double away_m = static_cast<double>(plane.x) * job.eye_offset_m.x +
+                          static_cast<double>(plane.y) * job.eye_offset_m.y +
+                          static_cast<double>(plane.z) * job.eye_offset_m.z;
+    planes[k] = glm::vec4(glm::vec3(plane), static_cast<float>(plane.w - away_m));
+    slack_m += plane.w < 1e29F ? 1e-6F * static_cast<float>(std::fabs(away_m)) : 0.0F;
+  }
+  constexpr std::size_t kBlock = 64;
+  float least_m[kBlock];
+  while (slot < agents) {
+    const std::size_t count_here = agents - slot < kBlock ? agents - slot : kBlock;
+    const float* at = &instances.place_m[slot].x;
+    for (std::size_t i = 0; i < count_here; ++i) {
+      const float x = at[4 * i], y = at[4 * i + 1], z = at[4 * i + 2];
+      float least = planes[0].x * x + (planes[0].y * y + (planes[0].z * z + planes[0].w));
+      for (int k = 1; k < 6; ++k) {
+        const float d = planes[k].x * x + (planes[k].y * y + (planes[k].z * z + planes[k].w));
+        least = d < least ? d : least;
+      }
+      least_m[i] = least;
     }
-    job.mask[slot] = is_visible;
-    count += is_visible;
+    for (std::size_t i = 0; i < count_here; ++i, ++slot) {
+      const glm::vec4& where = instances.place_m[slot];
+      std::uint8_t is_visible = 0;
+      if (where.w >= 0.0F) {
+        const float reach_m =
+            instances.cast->characters[instances.moment.shown.character[slot]].reach_m * where.w +
+            slack_m + 1e-6F * (std::fabs(where.x) + std::fabs(where.y) + std::fabs(where.z));
+        if (least_m[i] >= reach_m) {
+          is_visible = 1;
+        } else if (least_m[i] >= -reach_m) {
+          is_visible = exactly(slot) ? 1 : 0;
+        }
+        if (is_visible != 0 && job.far_m > 0.0F &&
+            element::feet_distance(glm::vec3(where), job.eye_offset_m) >= job.far_m) {
+          is_visible = 0;
+        }
+      }
+      job.mask[slot] = is_visible;
+      count += is_visible;
+    }
+  }
+  for (; slot < end; ++slot) {
+    job.mask[slot] = exactly(slot) ? 1 : 0;
+    count += job.mask[slot];
   }
   return count;
 }
 
+inline void list(const CullJob& job, std::size_t slot, std::uint32_t v) {
+  const PlacedInstance placed = place(*job.instances, slot);
+  job.state[v] = placed.state;
+  job.distance_m[v] =
+      element::distance_of(element::relative_sphere(placed.sphere_m, job.eye_offset_m));
+  job.visible[v] = element::make_visible(placed.state, placed.sphere_m.w,
+                                         static_cast<std::uint32_t>(slot), job.eye_offset_m);
+}
+
 void compact(const CullJob& job, std::size_t begin, std::size_t end, std::uint32_t next) {
   for (std::size_t slot = begin; slot < end; ++slot) {
-    if (job.mask[slot] == 0) continue;
-    const glm::vec4& sphere_m = job.sphere_m[slot];
-    job.distance_m[next] =
-        element::distance_of(element::relative_sphere(sphere_m, job.eye_offset_m));
-    job.visible[next] = element::make_visible(job.state[slot], sphere_m.w,
-                                              static_cast<std::uint32_t>(slot), job.eye_offset_m);
-    ++next;
+    if (job.mask[slot] != 0) list(job, slot, next++);
   }
 }
 
@@ -52,33 +115,37 @@ Split split(const SplitJob& job, std::size_t begin, std::size_t end, std::uint32
   Split made;
   const CullJob& cull = job.cull;
   const MixedForms& mixed = job.mixed;
+  const element::Bracketed& moment = cull.instances->moment;
+  const element::SnapshotColumns& shown = moment.shown;
+  const bool perspective = job.projection.perspective != 0;
+  const float limit_px = mixed.error_px / mixed.speck_error;
   for (std::size_t slot = begin; slot < end; ++slot) {
     if (cull.mask[slot] == 0) continue;
-    const glm::vec4& sphere_m = cull.sphere_m[slot];
-    const InstanceState& state = cull.state[slot];
-    const float distance_m =
-        element::distance_of(element::relative_sphere(sphere_m, cull.eye_offset_m));
-    if (slot < job.agents && job.has_images[state.character] != 0) {
-      const CharacterTable& table = job.cast->characters[state.character];
-      const float d = job.projection.perspective != 0
-                          ? (distance_m < sphere_m.w ? sphere_m.w : distance_m)
-                          : 1.0F;
+    if (slot < cull.agents && job.has_images[shown.character[slot]] != 0) {
+      const CharacterTable& table = cull.instances->cast->characters[shown.character[slot]];
+      const glm::vec4& where = cull.instances->place_m[slot];
+      const float height_m = where.w * table.character->height_m;
+      const glm::vec3 feet = element::relative(where.x, where.y, where.z, cull.eye_offset_m);
+      const float distance_m = element::distance_of(
+          glm::vec4(feet.x, feet.y, element::fused(0.5F, height_m, feet.z), 0.0F));
+      const float d = perspective ? (distance_m < height_m ? height_m : distance_m) : 1.0F;
       const float px_per_m = job.projection.focal_px / d;
-      const float height_m = state.placement.scale * table.character->height_m;
       const float height_px = px_per_m * height_m;
-      // each agent's limits lie up to a fifth apart, so that a row of them does not change at once
-      // who sits or cheers is shown standing: that shows sooner
-      const float acting = element::is_acting(state.pose) ? 2.5F : 1.0F;
-      const float limit_px = mixed.error_px / mixed.speck_error;
       if (height_px < 1.1F * limit_px) {
-        const float own = element::unit_from_seed(state.seed, element::kSeedForm);
+        // each agent's limits lie up to a fifth apart, so that a row of them does not change at
+        // once
+        const std::uint32_t seed = shown.seed[slot];
+        const float own = element::unit_from_seed(seed, element::kSeedForm);
+        // who sits or cheers is shown standing: that shows sooner
+        const bool acts = shown.motion != nullptr && (shown.motion[slot] & 0xffffU) != 0;
         const float speck_us =
             element::fused(mixed.speck_px2_us, height_px * height_px, mixed.speck_us);
         const std::uint32_t vertices =
             table.error.vertex_count[ErrorTable::step_of(mixed.error_px / px_per_m)];
         const float mesh_us =
             element::fused(mixed.mesh_vertex_us, static_cast<float>(vertices), mixed.mesh_us);
-        if (height_px * (0.9F + 0.2F * own) * acting < limit_px && speck_us < mesh_us) {
+        if (height_px * (0.9F + 0.2F * own) * (acts ? 2.5F : 1.0F) < limit_px &&
+            speck_us < mesh_us) {
           // of those that are too small some stand for all: as much larger as they are fewer
           const float kept = height_px / mixed.least_px;
           const float larger = kept < 1.0F ? 1.0F / kept : 1.0F;
@@ -86,32 +153,30 @@ Split split(const SplitJob& job, std::size_t begin, std::size_t end, std::uint32
             ++made.left_out;
             continue;
           }
+          const element::Sample sample = element::sample_at(moment, table.gait, slot);
+          const std::uint32_t pose =
+              acts ? element::speck_pose(place(*cull.instances, slot).state.pose, table.gait)
+                   : element::gait_speck_pose(table.gait, sample.speed_mps, sample.walked_cycles);
           Speck& speck = job.specks[next + made.specks++];
-          speck.position_relative = element::relative(state.position_m.x, state.position_m.y,
-                                                      state.position_m.z, cull.eye_offset_m);
+          speck.position_relative = feet;
           speck.height_m = larger * height_m;
-          speck.seed = state.seed;
-          speck.channel = state.channel;
-          const glm::vec3 to_eye =
-              job.projection.perspective != 0 ? -speck.position_relative : -job.forward;
-          const element::Placement& p = state.placement;
+          speck.seed = seed;
+          speck.channel = element::channel_at(moment, slot);
+          const glm::vec3 to_eye = perspective ? -feet : -job.forward;
+          const element::SinCos turned = element::sin_cos(sample.heading_rad);
           const std::uint32_t azimuth =
-              element::speck_azimuth(to_eye.x * p.cosine_scale + to_eye.y * p.sine_scale,
-                                     to_eye.y * p.cosine_scale - to_eye.x * p.sine_scale);
-          const float sine = job.projection.perspective != 0 ? to_eye.z / d : to_eye.z;
-          speck.image = state.character * element::kSpeckImages +
-                        (element::speck_pose(state.pose, table.gait) * element::kSpeckElevations +
-                         element::speck_elevation(sine)) *
+              element::speck_azimuth(to_eye.x * turned.cosine + to_eye.y * turned.sine,
+                                     to_eye.y * turned.cosine - to_eye.x * turned.sine);
+          const float sine = perspective ? to_eye.z / d : to_eye.z;
+          speck.image = shown.character[slot] * element::kSpeckImages +
+                        (pose * element::kSpeckElevations + element::speck_elevation(sine)) *
                             element::kSpeckAzimuths +
                         azimuth;
           continue;
         }
       }
     }
-    const std::uint32_t v = next + made.listed++;
-    cull.distance_m[v] = distance_m;
-    cull.visible[v] = element::make_visible(state, sphere_m.w, static_cast<std::uint32_t>(slot),
-                                            cull.eye_offset_m);
+    list(cull, slot, next + made.listed++);
   }
   return made;
 }
@@ -284,4 +349,5 @@ void corners(const std::uint32_t* __restrict corner, std::size_t count,
   for (std::size_t k = 0; k < count; ++k) out[k] = scratch[corner[k]];
 }
 
-constexpr Kernels kKernels = {advance, cull, compact, split, share, pose_palette, skin, corners};
+constexpr Kernels kKernels = {advance, place,        cull, compact, split,
+                              share,   pose_palette, skin, corners};

@@ -120,7 +120,7 @@ absl::Status make_splats(CpuView& view, Machine machine, PosedBank& bank,
       const VisibleInstance& instance = view.visible[v];
       const CharacterTable& table = cast.characters[instance.character];
       const SurfacePoints& points = table.character->points;
-      const element::InstanceState& state = instances.state[instance.slot];
+      const element::InstanceState& state = view.state[v];
       const std::uint32_t n = instance.vertex_count;
       if (n == 0) continue;  // baked without points
       const float radius_m = points.radius_m[n - 1] * instance.scale;

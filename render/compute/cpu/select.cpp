@@ -97,8 +97,7 @@ void choose_tiers(CpuView& view, const Selection& selection, WorkPool& pool) {
       const VisibleInstance& instance = view.visible[i];
       view.tier[i] =
           cast.levels.is_listed[instance.character]
-              ? element::shared_tier(instance, view.instances->state[instance.slot].pose,
-                                     view.distance_m[i],
+              ? element::shared_tier(instance, view.state[i].pose, view.distance_m[i],
                                      cast.characters[instance.character].character->height_m,
                                      view.projection, frustum, selection.pose_error_px)
               : kOwnPose;
@@ -112,7 +111,7 @@ void select(CpuView& view, const Selection& asked, Machine machine) {
   Selection selection = asked;
   view.work = {};
   if (selection.form == FormRule::kMixed && selection.mixed.budget_ms > 0.0) {
-    fit_error(view, selection);
+    fit_error(view, machine.kernels, selection);
   } else {
     view.error_px = 0.0F;
   }

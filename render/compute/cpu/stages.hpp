@@ -26,10 +26,15 @@ struct CpuSnapshot final : DeviceSnapshot {
   std::shared_ptr<const Snapshot> snapshot;
 };
 
+/// Only where everybody is. Heading and pose are a matter of whoever sees an agent: most of a large
+/// crowd is out of sight, or a part of a pixel that others stand for.
 struct CpuInstances final : Instances {
   std::shared_ptr<const CastTable> cast;
-  Buffer<glm::vec4> sphere_m;  // [I] offset from the crowd's origin; radius -1: empty slot
-  Buffer<element::InstanceState> state;  // [I] unspecified where the slot is empty
+  std::shared_ptr<const Snapshot> older, newer;  // which `moment` looks into
+  element::Bracketed moment;
+  std::uint32_t first_surrounding = 0;  // member of the cast
+  // [slots] x y z, offset from the crowd's origin, and the scale; -1: empty slot
+  Buffer<glm::vec4> place_m;
 };
 
 struct CpuView final : ViewWork {
@@ -42,13 +47,14 @@ struct CpuView final : ViewWork {
   std::uint32_t visible_agents = 0;  // of them
   glm::mat4 clip_from_relative{1.0F};
   GeometryKind geometry = GeometryKind::kBatched;
-  Buffer<std::uint8_t> mask;        // [I]
-  Buffer<VisibleInstance> visible;  // [V]
-  Buffer<float> distance_m;         // [V] from the eye to the sphere's centre
-  Buffer<std::uint32_t> share;      // [V] of the budget
-  Buffer<std::uint8_t> tier;        // [V] of the shared pose, kOwnPose: its own
-  Buffer<SharedInstance> shared;    // [V] of fused geometry
-  Buffer<std::uint32_t> mesh;       // [V] number in the bank
+  Buffer<std::uint8_t> mask;             // [I]
+  Buffer<VisibleInstance> visible;       // [V]
+  Buffer<element::InstanceState> state;  // [V]
+  Buffer<float> distance_m;              // [V] from the eye to the sphere's centre
+  Buffer<std::uint32_t> share;           // [V] of the budget
+  Buffer<std::uint8_t> tier;             // [V] of the shared pose, kOwnPose: its own
+  Buffer<SharedInstance> shared;         // [V] of fused geometry
+  Buffer<std::uint32_t> mesh;            // [V] number in the bank
   std::shared_ptr<const PosedBank::Block> posed;
   Buffer<Representation> representation;  // [V], empty: all are kMesh
   Buffer<JointedInstance> jointed;        // [V] where representation is not empty
@@ -87,8 +93,8 @@ struct CpuView final : ViewWork {
   }
 
   std::uint64_t size_bytes() const {
-    return mask.size_bytes() + visible.size_bytes() + distance_m.size_bytes() + share.size_bytes() +
-           tier.size_bytes() + shared.size_bytes() + mesh.size_bytes() +
+    return mask.size_bytes() + visible.size_bytes() + state.size_bytes() + distance_m.size_bytes() +
+           share.size_bytes() + tier.size_bytes() + shared.size_bytes() + mesh.size_bytes() +
            representation.size_bytes() + jointed.size_bytes() + joints.size_bytes() +
            splats.size_bytes() + specks.size_bytes() + splat_offset.size_bytes() +
            shared_joints.size_bytes() + vertex_offset.size_bytes() + triangle_offset.size_bytes() +
@@ -113,9 +119,9 @@ struct Machine {
   const Kernels& kernels;
 };
 
-void advance(const Snapshot& older, const Snapshot& newer, std::int64_t scene_time_us,
-             const CrowdSettings& settings, int channel, Surroundings surroundings, Machine machine,
-             CpuInstances& instances);
+void advance(std::shared_ptr<const Snapshot> older, std::shared_ptr<const Snapshot> newer,
+             std::int64_t scene_time_us, const CrowdSettings& settings, int channel,
+             Surroundings surroundings, Machine machine, CpuInstances& instances);
 
 void cull(CpuView& view, const Camera& camera, const Viewport& viewport, Machine machine);
 
@@ -127,7 +133,7 @@ void list_visible(CpuView& view, WorkPool& pool, const Kernels& kernels);
 void list_mixed(CpuView& view, const MixedForms& mixed, WorkPool& pool, const Kernels& kernels);
 
 /// The error at which a frame takes MixedForms::budget_ms, by a sample of who is in view.
-void fit_error(CpuView& view, Selection& selection);
+void fit_error(CpuView& view, const Kernels& kernels, Selection& selection);
 
 /// What shared poses may be off by where everything else is off by `error_px`.
 inline float pose_error_of(float error_px) { return std::min(0.5F * error_px, 0.5F); }

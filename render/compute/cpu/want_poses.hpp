@@ -33,8 +33,8 @@ absl::StatusOr<std::vector<PosedBank::Want>> want_poses(CpuView& view, Machine m
         const VisibleInstance& instance = view.visible[v];
         view.mesh[v] = PosedBank::number_of(
             instance.character,
-            element::shared_pose_of(instances.state[instance.slot].pose,
-                                    cast.characters[instance.character].gait, view.tier[v]));
+            element::shared_pose_of(view.state[v].pose, cast.characters[instance.character].gait,
+                                    view.tier[v]));
         const PosedBank::Want want{view.mesh[v], instance.vertex_count};
         if (!bank.has(want)) scratch[worker].wanted.push_back(want);
       }

@@ -6,21 +6,20 @@ namespace {
 
 __global__ void advance_kernel(AdvanceJob job) {
   const std::uint32_t slot = blockIdx.x * blockDim.x + threadIdx.x;
-  if (slot >= job.shown.slots) {
-    const std::uint32_t i = slot - job.shown.slots;
+  if (slot >= job.moment.shown.slots) {
+    const std::uint32_t i = slot - job.moment.shown.slots;
     if (i >= job.surrounding) return;
     const std::uint32_t member = job.first_surrounding + i;
     job.state[slot] = element::standing_still(member);
     job.sphere_m[slot] = job.cast.character[member].bounds;
     return;
   }
-  if (job.shown.present[slot] == 0) {
+  if (job.moment.shown.present[slot] == 0) {
     job.sphere_m[slot] = glm::vec4(0.0F, 0.0F, 0.0F, -1.0F);
     return;
   }
-  const DeviceCharacter& character = job.cast.character[job.shown.character[slot]];
-  const element::InstanceState state = element::advance_slot(
-      job.shown, job.newer, job.between, job.same_roster, character.gait, job.scene_time_us, slot);
+  const DeviceCharacter& character = job.cast.character[job.moment.shown.character[slot]];
+  const element::InstanceState state = element::advance_slot(job.moment, character.gait, slot);
   job.state[slot] = state;
   job.sphere_m[slot] = element::place_sphere(
       state.placement, state.position_m,
@@ -37,7 +36,7 @@ cudaError_t probe_kernels(cudaStream_t stream) {
 }
 
 cudaError_t launch_advance(const AdvanceJob& job, cudaStream_t stream) {
-  const std::uint32_t count = job.shown.slots + job.surrounding;
+  const std::uint32_t count = job.moment.shown.slots + job.surrounding;
   if (count == 0) return cudaSuccess;  // an empty grid is a launch error
   constexpr std::uint32_t kThreads = 256;
   THRONG_LAUNCH_APART(advance_kernel, (count + kThreads - 1) / kThreads, kThreads, stream, job);

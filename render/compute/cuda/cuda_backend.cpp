@@ -275,9 +275,9 @@ class CudaBackend final : public ComputeBackend {
     }
     THRONG_CUDA_TRY(cudaSetDevice(device_), "advance");
     AdvanceJob job;
-    job.between =
+    job.moment.between =
         element::between(from->time_us, to->time_us, scene_time_us, settings.extrapolate_limit_us);
-    const CudaSnapshot& shown = job.between.at_newer ? *to : *from;
+    const CudaSnapshot& shown = job.moment.between.at_newer ? *to : *from;
     auto instances = std::make_shared<CudaInstances>(stream_);
     instances->scene_time_us = scene_time_us;
     instances->count = shown.columns.slots + surroundings.member_count;
@@ -306,10 +306,10 @@ class CudaBackend final : public ComputeBackend {
       return columns;
     };
     job.cast = instances->cast->device();
-    job.shown = with_channel(shown);
-    job.newer = with_channel(*to);
-    job.same_roster = from->roster == to->roster;
-    job.scene_time_us = scene_time_us;
+    job.moment.shown = with_channel(shown);
+    job.moment.newer = with_channel(*to);
+    job.moment.same_roster = from->roster == to->roster;
+    job.moment.scene_time_us = scene_time_us;
     job.sphere_m = instances->sphere_m.data();
     job.state = instances->state.data();
     THRONG_CUDA_TRY(launch_advance(job, stream_), "advance");

@@ -77,10 +77,7 @@ struct DeviceCounters {
 struct AdvanceJob {
   DeviceCast cast;
   std::uint32_t first_surrounding = 0, surrounding = 0;  // members of the cast
-  element::SnapshotColumns shown, newer;
-  element::Between between;
-  bool same_roster = false;
-  std::int64_t scene_time_us = 0;
+  element::Bracketed moment;
   glm::vec4* sphere_m = nullptr;            // [I]
   element::InstanceState* state = nullptr;  // [I]
 };

@@ -54,36 +54,68 @@ THRONG_HOST_DEVICE inline Sample sample_of(const SnapshotColumns& columns, std::
           columns.speed_mps[slot],  columns.turn_radps[slot],   columns.walked_cycles[slot]};
 }
 
-/// The agent of a present slot of `shown`, the snapshot that says who is there: `older`, or `newer`
-/// when `between.at_newer`. The other one only says where it goes.
-/// @param same_roster  the slots of both belong to the same agents, so ids need no look.
-THRONG_HOST_DEVICE inline InstanceState advance_slot(const SnapshotColumns& shown,
-                                                     const SnapshotColumns& newer,
-                                                     const Between& between, bool same_roster,
-                                                     const Gait& gait, std::int64_t scene_time_us,
-                                                     std::size_t slot) {
-  const std::uint32_t seed = shown.seed[slot];
-  const float scale = shown.scale[slot];
-  float value = shown.channel != nullptr ? shown.channel[slot] : __builtin_nanf("");
-  Sample sample;
-  if (!between.at_newer && slot < newer.slots && newer.present[slot] != 0 &&
-      (same_roster || newer.id[slot] == shown.id[slot])) {
-    sample = interpolate(sample_of(shown, slot), sample_of(newer, slot), between, seed);
-    const float next = newer.channel != nullptr ? newer.channel[slot] : __builtin_nanf("");
-    if (next == next) value = fused(between.t, next - value, value);
-  } else {
-    sample = extrapolate(sample_of(shown, slot), between, gait, scale, seed);
+/// The snapshots around a scene time. `shown` says who is there: the older one, or the newer one
+/// when `between.at_newer`; the other one only says where they go.
+struct Bracketed {
+  SnapshotColumns shown, newer;
+  Between between;
+  bool same_roster = false;  // the slots of both belong to the same agents, so ids need no look
+  std::int64_t scene_time_us = 0;
+};
+
+/// True where the agent of a present slot is in the newer snapshot, too.
+THRONG_HOST_DEVICE inline bool goes_on(const Bracketed& moment, std::size_t slot) {
+  return !moment.between.at_newer && slot < moment.newer.slots && moment.newer.present[slot] != 0 &&
+         (moment.same_roster || moment.newer.id[slot] == moment.shown.id[slot]);
+}
+
+/// Where the agent of a present slot is: all that culling needs of `advance_slot`.
+THRONG_HOST_DEVICE inline glm::vec3 position_at(const Bracketed& moment, std::size_t slot) {
+  const glm::vec3& from_m = moment.shown.position_m[slot];
+  if (goes_on(moment, slot)) {
+    return interpolate_position(from_m, moment.newer.position_m[slot], moment.between);
   }
+  if (!(moment.between.ahead_s > 0.0F)) return from_m;
+  return extrapolate_position(from_m, moment.shown.velocity_mps[slot], moment.between);
+}
+
+THRONG_HOST_DEVICE inline Sample sample_at(const Bracketed& moment, const Gait& gait,
+                                           std::size_t slot) {
+  const SnapshotColumns& shown = moment.shown;
+  const std::uint32_t seed = shown.seed[slot];
+  if (goes_on(moment, slot)) {
+    return interpolate(sample_of(shown, slot), sample_of(moment.newer, slot), moment.between, seed);
+  }
+  return extrapolate(sample_of(shown, slot), moment.between, gait, shown.scale[slot], seed);
+}
+
+THRONG_HOST_DEVICE inline float channel_at(const Bracketed& moment, std::size_t slot) {
+  if (moment.shown.channel == nullptr) return __builtin_nanf("");
+  const float value = moment.shown.channel[slot];
+  if (moment.newer.channel == nullptr || !goes_on(moment, slot)) return value;
+  const float next = moment.newer.channel[slot];
+  return next == next ? fused(moment.between.t, next - value, value) : value;
+}
+
+THRONG_HOST_DEVICE inline Motion motion_at(const Bracketed& moment, std::size_t slot) {
+  if (moment.shown.motion == nullptr) return {};
+  return unpack_motion(moment.shown.motion[slot], moment.between.since_s);
+}
+
+/// The agent of a present slot.
+THRONG_HOST_DEVICE inline InstanceState advance_slot(const Bracketed& moment, const Gait& gait,
+                                                     std::size_t slot) {
+  const SnapshotColumns& shown = moment.shown;
+  const Sample sample = sample_at(moment, gait, slot);
   InstanceState state;
   state.position_m = sample.position_m;
   state.heading_rad = sample.heading_rad;
-  state.placement = place(sample.heading_rad, scale);
+  state.placement = place(sample.heading_rad, shown.scale[slot]);
   state.character = shown.character[slot];
-  state.seed = seed;
-  state.channel = value;
-  state.pose = choose_pose(
-      gait, seed, sample.speed_mps, sample.turn_radps, sample.walked_cycles, scene_time_us,
-      shown.motion != nullptr ? unpack_motion(shown.motion[slot], between.since_s) : Motion());
+  state.seed = shown.seed[slot];
+  state.channel = channel_at(moment, slot);
+  state.pose = choose_pose(gait, state.seed, sample.speed_mps, sample.turn_radps,
+                           sample.walked_cycles, moment.scene_time_us, motion_at(moment, slot));
   return state;
 }
 

@@ -66,6 +66,26 @@ THRONG_HOST_DEVICE inline float known_heading(float heading_rad, std::uint32_t s
                                     : fused(kTwoPi, unit_from_seed(seed, kSeedHeading), -kPi);
 }
 
+THRONG_HOST_DEVICE inline glm::vec3 extrapolate_position(const glm::vec3& from_m,
+                                                         const glm::vec3& velocity_mps,
+                                                         const Between& between) {
+  const float ahead_s = between.ahead_s;
+  if (!(ahead_s > 0.0F)) return from_m;
+  return glm::vec3(fused(velocity_mps.x, ahead_s, from_m.x),
+                   fused(velocity_mps.y, ahead_s, from_m.y),
+                   fused(velocity_mps.z, ahead_s, from_m.z));
+}
+
+THRONG_HOST_DEVICE inline glm::vec3 interpolate_position(const glm::vec3& older_m,
+                                                         const glm::vec3& newer_m,
+                                                         const Between& between) {
+  const glm::vec3 step_m = newer_m - older_m;
+  if (is_teleport(step_m, between.interval_s)) return older_m;
+  const float t = between.t;
+  return glm::vec3(fused(t, step_m.x, older_m.x), fused(t, step_m.y, older_m.y),
+                   fused(t, step_m.z, older_m.z));
+}
+
 /// An agent that walks on from its sample as it did, for a limited time.
 THRONG_HOST_DEVICE inline Sample extrapolate(const Sample& from, const Between& between,
                                              const Gait& gait, float scale, std::uint32_t seed) {
@@ -77,9 +97,7 @@ THRONG_HOST_DEVICE inline Sample extrapolate(const Sample& from, const Between& 
   const float turned = 1.0F - ahead_s * 4.0F;
   result.turn_radps = turned > 0.0F ? from.turn_radps * turned : 0.0F;
   if (ahead_s > 0.0F) {
-    result.position_m = glm::vec3(fused(from.velocity_mps.x, ahead_s, from.position_m.x),
-                                  fused(from.velocity_mps.y, ahead_s, from.position_m.y),
-                                  fused(from.velocity_mps.z, ahead_s, from.position_m.z));
+    result.position_m = extrapolate_position(from.position_m, from.velocity_mps, between);
     const float stride = scale * stride_m(gait, gait_weights(gait, seed, from.speed_mps));
     result.walked_cycles += static_cast<double>(from.speed_mps * ahead_s / stride);
   }
@@ -99,9 +117,7 @@ THRONG_HOST_DEVICE inline Sample interpolate(const Sample& older, const Sample& 
   result.heading_rad = older_heading_rad;
   if (is_teleport(step_m, between.interval_s)) return result;
   const float t = between.t;
-  result.position_m =
-      glm::vec3(fused(t, step_m.x, older.position_m.x), fused(t, step_m.y, older.position_m.y),
-                fused(t, step_m.z, older.position_m.z));
+  result.position_m = interpolate_position(older.position_m, newer.position_m, between);
   result.heading_rad = lerp_angle(older_heading_rad, newer_heading_rad, t);
   result.speed_mps = fused(t, newer.speed_mps - older.speed_mps, older.speed_mps);
   result.turn_radps = fused(t, newer.turn_radps - older.turn_radps, older.turn_radps);

@@ -36,6 +36,21 @@ THRONG_HOST_DEVICE inline std::uint32_t speck_elevation(float sine) {
 inline constexpr float kSpeckElevationRad[kSpeckElevations] = {0.0F, 0.43633231F, 0.87266463F,
                                                                1.30899694F};
 
+THRONG_HOST_DEVICE inline std::uint32_t speck_phase(double cycles) {
+  const auto fraction = static_cast<float>(cycles - std::floor(cycles));
+  return 1U + (static_cast<std::uint32_t>(fused(fraction, static_cast<float>(kSpeckPhases), 0.5F)) &
+               (kSpeckPhases - 1U));
+}
+
+/// The pose of who is told nothing. Below a quarter of the walk's speed a stride is less than half
+/// as long: that is nearly standing.
+THRONG_HOST_DEVICE inline std::uint32_t gait_speck_pose(const Gait& gait, float speed_mps,
+                                                        double walked_cycles) {
+  const bool has_walk = gait.walk.frame_count != 0 || gait.run.frame_count != 0;
+  if (!has_walk || speed_mps < 0.25F * gait.walk_speed_mps) return 0;
+  return speck_phase(walked_cycles);
+}
+
 THRONG_HOST_DEVICE inline std::uint32_t speck_pose(const Pose& pose, const Gait& gait) {
   if (pose.action != 0) return 0;  // stands, or sits a pixel lower
   const ClipRange& walk = gait.walk.frame_count != 0 ? gait.walk : gait.run;
@@ -45,10 +60,8 @@ THRONG_HOST_DEVICE inline std::uint32_t speck_pose(const Pose& pose, const Gait&
   if (pose.b_weight > 0.5F && pose.b_frame0 >= gait.idle.first_frame && b < gait.idle.frame_count) {
     return 0;  // nearly standing
   }
-  const float cycles =
-      (static_cast<float>(frame) + pose.a_t) / static_cast<float>(walk.frame_count);
-  return 1U + (static_cast<std::uint32_t>(fused(cycles, static_cast<float>(kSpeckPhases), 0.5F)) &
-               (kSpeckPhases - 1U));
+  return speck_phase(static_cast<double>(static_cast<float>(frame) + pose.a_t) /
+                     static_cast<double>(walk.frame_count));
 }
 
 }  // namespace throng::render::element

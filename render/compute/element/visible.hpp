@@ -28,9 +28,7 @@ THRONG_HOST_DEVICE inline float distance_of(const glm::vec4& relative_sphere) {
 }
 
 /// From the eye to an agent's feet: what decides who is drawn as a part of the far crowd.
-THRONG_HOST_DEVICE inline float feet_distance(const InstanceState& state,
-                                              const glm::dvec3& eye_offset_m) {
-  const glm::vec3& p = state.position_m;
+THRONG_HOST_DEVICE inline float feet_distance(const glm::vec3& p, const glm::dvec3& eye_offset_m) {
   const glm::vec3 feet = relative(p.x, p.y, p.z, eye_offset_m);
   return distance_of(glm::vec4(feet.x, feet.y, feet.z, 0.0F));
 }

@@ -107,11 +107,14 @@ class Walker {
       result.seed = snapshot.roster->seed.data();
       return result;
     };
-    const auto between =
+    render::element::Bracketed moment;
+    moment.between =
         render::element::between(bracket.older->time_us, bracket.newer->time_us, time_us, 500'000);
-    const auto state =
-        render::element::advance_slot(columns(between.at_newer ? *bracket.newer : *bracket.older),
-                                      columns(*bracket.newer), between, true, gait_, time_us, 0);
+    moment.shown = columns(moment.between.at_newer ? *bracket.newer : *bracket.older);
+    moment.newer = columns(*bracket.newer);
+    moment.same_roster = true;
+    moment.scene_time_us = time_us;
+    const auto state = render::element::advance_slot(moment, gait_, 0);
     std::vector<glm::vec3> result;
     for (const auto& sole : soles_) {
       for (const SolePoint& point : sole) {
