@@ -18,9 +18,6 @@ namespace {
 constexpr std::size_t kChunk = 1024;
 /// Agents of a vertex are neighbours in the world, not in memory.
 constexpr std::size_t kAhead = 16;
-/// How much less light a round body has, on the average of what is seen of it, than where it faces
-/// the eye: the mean of a cosine over a half circle, by its width, is pi / 4.
-constexpr float kTurned = 0.21F;
 
 /// Which pose of FarFigures is nearest.
 std::uint32_t figure_pose(const element::Pose& pose, const element::Gait& gait) {
@@ -201,7 +198,6 @@ void generate_far(const FarPlan& plan, const FarAgents& agents, const FarFigures
           }
           out->base =
               element::pack_color(unpacked_color(point.base) * (std::max(plain, 0.0F) + worn));
-          out->regions = 0;
           out->visible = kNobody;
         }
       });

@@ -408,6 +408,24 @@ TEST(FarPlanTest, AMillionInOnePlaceShareTheBudget) {
   }
 }
 
+TEST(FarFiguresTest, OnePointIsAsSlimAsItsFigure) {
+  const Far far(grid(20, 3.0F));
+  const FarPlan plan = far.plan(400, {PointShare::kVisible, true});
+  const std::vector<Splat> splats = far.splats(plan, true);
+  ASSERT_EQ(splats.size(), plan.points());
+  std::size_t at = 0, alone = 0;
+  for (const FarShare& share : plan.shares()) {
+    const Splat& splat = splats[at];
+    at += share.points;
+    if (share.points > 1) continue;
+    ++alone;
+    EXPECT_LT(splat.radius_m, 0.0F);
+    EXPECT_GT(splat.regions, 0U);
+    EXPECT_LT(splat.regions, 255U);
+  }
+  EXPECT_GT(alone, 0U);
+}
+
 TEST(FarPlanTest, SplatsDoNotDependOnThreads) {
   const Far far(grid(30, 1.0F));
   for (const bool own : {false, true}) {

@@ -71,7 +71,7 @@ std::vector<Splat> random_splats(std::uint32_t count, float low_m, float high_m)
                       i % 5 == 0 ? -radius_m : radius_m,
                       encode_octahedral(glm::normalize(normal)),
                       static_cast<std::uint32_t>(random()) & 0x3fffffffU,
-                      0,
+                      i % 3 == 0 ? 0 : 64 + i % 192,  // slim, as points that go round a limb
                       kNobody});
   }
   return splats;
