@@ -454,6 +454,7 @@ absl::StatusOr<RecordedRun> read_last_run(
     if (!status.ok()) run.notes.emplace_back(status.message());
     if (run.frames == frames_before) continue;  // killed before its first frame
     run.spec = reader.spec();
+    run.spec.crowd = crowd;  // as the files are called, whatever is in them: it names the next
     run.walkable_area_wkt = reader.info().walkable_area_wkt;
     // What is damaged in its middle stays as it is; the run goes on in another recording.
     run.end = status.ok() ? RecordingEnd{parts[i].path.string(), reader.end()} : RecordingEnd{};

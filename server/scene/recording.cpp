@@ -53,6 +53,7 @@ Recording::Counters Recording::counters() const {
 void Recording::add(Item item) {
   {
     const std::lock_guard lock(mutex_);
+    if (item.frame != nullptr && item.frame->time_us <= newest_us_) return;
     // One frame always has room, however large it is.
     if (!queue_.empty() && queued_bytes_ + item.bytes > settings_.queue_bytes) {
       if (item.frame != nullptr) {
@@ -63,6 +64,7 @@ void Recording::add(Item item) {
       return;
     }
     queued_bytes_ += item.bytes;
+    if (item.frame != nullptr) newest_us_ = item.frame->time_us;
     queue_.push_back(std::move(item));
   }
   changed_.notify_all();

@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -32,7 +33,8 @@ class Recording {
             trajectory::RecordingEnd continues = {});
   ~Recording();  // after all that waits was written and synced
 
-  /// A frame that the crowd has taken, newer than all before.
+  /// A frame that the crowd has taken. One that is not newer than all before is left out: who takes
+  /// a crowd over may be quicker than the last frame of who had it, and a file's times must rise.
   void write(const render::AgentFrame& frame);
   void set_walkable_area(const std::string& wkt);
   void wait_idle();  // until nothing waits
@@ -64,6 +66,7 @@ class Recording {
   std::condition_variable changed_;
   std::deque<Item> queue_;
   std::uint64_t queued_bytes_ = 0;
+  std::int64_t newest_us_ = std::numeric_limits<std::int64_t>::min();
   bool is_writing_ = false, stop_ = false;
   Counters counters_;
   std::thread thread_;

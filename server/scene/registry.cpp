@@ -422,6 +422,8 @@ std::vector<CrowdReport> Registry::list() const {
 
 absl::Status Registry::remove(const std::string& name) {
   if (absl::Status status = check_crowd_name(name); !status.ok()) return status;
+  std::shared_ptr<NamedCrowd>
+      removed;  // let go of outside the lock: its recording writes what waits
   const std::lock_guard lock(mutex_);
   const auto found = crowds_.find(name);
   if (found == crowds_.end()) {
@@ -435,6 +437,7 @@ absl::Status Registry::remove(const std::string& name) {
     }
   }
   found->second->deleted_.store(true, std::memory_order_release);
+  removed = std::move(found->second);
   crowds_.erase(found);
   return absl::OkStatus();
 }

@@ -212,6 +212,12 @@ TEST_F(RecordingTest, ARunGoesOnBehindWhatAKillTore) {
   EXPECT_THAT(times, ElementsAre(1'800'000, 1'900'000, 2'000'000, 2'100'000)) << "the last part";
   EXPECT_THAT(recorded_crowds(path("")), ElementsAre("hall"));
   EXPECT_EQ(read_last_run(path(""), "hal", 1, take).status().code(), absl::StatusCode::kNotFound);
+  // A crowd is called as its files are.
+  std::string renamed = std::filesystem::path(first).filename().string();
+  write(renamed.replace(0, 4, "gate"), bytes_of(first));
+  run = read_last_run(path(""), "gate", 1, take);
+  ASSERT_TRUE(run.ok()) << run.status();
+  EXPECT_EQ(run->spec.crowd, "gate");
 }
 
 TEST_F(RecordingTest, WhatIsDamagedInItsMiddleIsNotCut) {

@@ -320,7 +320,7 @@ TEST_F(RegistryRecordingTest, BringsTheLastRunBackAndGoesOnWithIt) {
   EXPECT_EQ(files().size(), 3U);
 }
 
-TEST_F(RegistryRecordingTest, ABrokenDiskDisturbsNobodyAndEveryLossIsCounted) {
+TEST_F(RegistryRecordingTest, ABrokenDiskDisturbsNobody) {
   RecordSettings settings;
   settings.folder = folder.file("gone");
   Registry broken(
@@ -352,6 +352,22 @@ TEST_F(RegistryRecordingTest, AFullQueueLosesFramesOfTheRecordingAndCountsThem) 
     EXPECT_EQ(counters.written_frames + counters.lost_frames, 50U);
   }
   ASSERT_EQ(files().size(), 1U);
+}
+
+TEST_F(RegistryRecordingTest, AFrameThatCameTooLateSpoilsNoFile) {
+  RecordSettings settings;
+  settings.folder = folder.file("");
+  trajectory::RecordingSpec spec;
+  spec.crowd = "late";
+  {
+    Recording recorded(settings, spec);
+    for (const int time_us : {10, 30, 20, 30, 40}) recorded.write(frame_of(time_us, {{1, 2, 0}}));
+    recorded.wait_idle();
+    EXPECT_EQ(recorded.counters().written_frames, 3U);
+  }
+  const auto summary = trajectory::summarize(files().at(0));
+  ASSERT_TRUE(summary.ok()) << summary.status();
+  EXPECT_EQ(summary->frames, 3U);
 }
 
 }  // namespace
