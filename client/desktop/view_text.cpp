@@ -43,7 +43,8 @@ std::string encoded(const std::string& text) {
 /// As the page writes it: no zeros at the end.
 std::string shortened(double value, int digits) {
   const double scale = std::pow(10.0, digits);
-  return absl::StrCat(std::round(value * scale) / scale);
+  // StrCat keeps six digits, which are metres of a position in UTM
+  return absl::StrFormat("%.15g", std::round(value * scale) / scale);
 }
 
 bool read_numbers(const std::vector<std::string>& fields, std::size_t from, std::size_t count,

@@ -165,7 +165,7 @@ def motion_column(motion: Any, names: Sequence[str], count: int) -> Tuple[np.nda
     """(uint8 [A], names) from one name for all, [A] names or [A] integers (0: by speed; k: names[k - 1]).
     None and "" are by speed. Raises BadFrame."""
     if isinstance(motion, str):
-        return np.full(count, 1, np.uint8), (_motion_name(motion),)
+        return (np.full(count, 1, np.uint8), (_motion_name(motion),)) if motion else (np.zeros(count, np.uint8), ())
     array = np.asarray(motion)
     if array.shape != (count,):
         raise BadFrame("motion", f"publish: motion has shape {array.shape}, must be [{count}]")

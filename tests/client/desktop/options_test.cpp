@@ -67,6 +67,8 @@ TEST(ViewTextTest, IsThePagesAddress) {
   EXPECT_EQ(view->range, std::pair(0.0, 2.5));
   EXPECT_EQ(format_view_text(*view), text);
   EXPECT_EQ(format_view_text(*parse_view_text("")), "");
+  const std::string far = "cam=691234.567,5335123.25,0.1,1234567.5,-60.25,30&t=123456.789";
+  EXPECT_EQ(format_view_text(*parse_view_text(far)), far) << "all digits of UTM and of long runs";
   for (const char* bad :
        {"cam=1,2", "cam=1,2,3,-4,5,6", "cam=nan,0,0,1,0,0", "t=x", "t=1e12", "follow=-1", "speed=0",
         "speed=99", "color=a,2,1", "nonsense", "%", "crowd=%4"}) {

@@ -71,9 +71,11 @@ def test_motions_arrive_by_name_by_number_and_for_all(server):
         pub.publish(3.0, [1, 2, 3], place, motion="talk")
         pub.publish(4.0, [1, 2, 3], place)
         pub.publish(5.0, [1, 2, 3], [(0, 0), (np.nan, 0), (0, 0)], motion=["sit", "cheer", "wave"])
+        pub.publish(6.0, [1, 2, 3], place, motion="")
     told = [dict(zip(frame.ids.tolist(), frame.motions)) for frame in server.frames]
     assert told == [{1: "sit", 2: "", 3: "cheer"}, {1: "wave", 2: "", 3: "sit"}, {1: "dance", 2: "", 3: "sit"},
-                    {1: "talk", 2: "talk", 3: "talk"}, {}, {1: "sit", 3: "wave"}]
+                    {1: "talk", 2: "talk", 3: "talk"}, {}, {1: "sit", 3: "wave"},
+                    {1: "", 2: "", 3: ""}]
     assert pub.stats.errors == 0
 
 
