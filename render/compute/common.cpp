@@ -17,9 +17,10 @@ absl::Status check_snapshot(const Snapshot* snapshot, std::size_t character_coun
     const Roster& roster = *snapshot->roster;
     if (snapshot->position_m.size() != slots || snapshot->velocity_mps.size() != slots ||
         snapshot->heading_rad.size() != slots || snapshot->speed_mps.size() != slots ||
-        snapshot->walked_cycles.size() != slots || roster.id.size() < slots ||
-        roster.character.size() < slots || roster.scale.size() < slots ||
-        roster.seed.size() < slots) {
+        snapshot->turn_radps.size() != slots || snapshot->walked_cycles.size() != slots ||
+        (!snapshot->motion.empty() && snapshot->motion.size() != slots) ||
+        roster.id.size() < slots || roster.character.size() < slots ||
+        roster.scale.size() < slots || roster.seed.size() < slots) {
       return absl::InvalidArgumentError(
           absl::StrCat("upload: a column of the snapshot does not have its ", slots, " slots"));
     }
