@@ -73,7 +73,7 @@ std::uint8_t SitePalette::index_of(const glm::dvec3& linear) {
         value <= 0.0031308 ? 12.92 * value : 1.055 * std::pow(value, 1.0 / 2.4) - 0.055;
     color[static_cast<std::size_t>(c)] = static_cast<std::uint8_t>(std::lround(255.0 * srgb));
   }
-  // While there is room a colour is kept as it is, then to an eighth of each channel's range.
+  // While there is room a colour is kept as it is, then to a sixteenth of each channel's range.
   const bool is_full = colors_.size() == 256;
   const int shift = colors_.size() < 64 ? 0 : 4;
   const auto key = static_cast<std::uint32_t>(shift << 24 | color[0] >> shift << 16 |
