@@ -14,8 +14,14 @@ int run_convert(const ConvertCommand& command) {
   const char* const kName = "convert";
   Progress progress(command.common.quiet);
   progress.show(command.input + ": looking through it");
+  trajectory::ReadOptions read = command.read;
+  read.goes_on = [&](double share) {
+    progress.show(
+        absl::StrFormat("%s: sorting by time, %.0f %% read", command.input, 100.0 * share));
+    return interrupted() == 0;
+  };
   const auto summary = trajectory::convert(
-      command.input, command.output, command.read, command.format, command.fps,
+      command.input, command.output, read, command.format, command.fps,
       [&](std::uint64_t frames, std::uint64_t all) {
         progress.show(absl::StrFormat("%s: frame %d of %d, %d %%", command.output, frames, all,
                                       100 * frames / std::max(frames, all)));

@@ -1,5 +1,6 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
+#include <absl/strings/str_join.h>
 #include <google/protobuf/util/json_util.h>
 #include <grpcpp/grpcpp.h>
 
@@ -8,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/cli/commands.hpp"
+#include "client/cli/interrupt.hpp"
 #include "client/cli/output.hpp"
 #include "throng/v1/crowd.grpc.pb.h"
 #include "throng/v1/server.grpc.pb.h"
@@ -103,7 +105,15 @@ int run_server_info(const Common& common, bool json) {
 }
 
 int run_file_info(const std::string& file, const trajectory::ReadOptions& read, bool json) {
-  const auto summary = trajectory::summarize(file, read);
+  Progress progress(json);
+  trajectory::ReadOptions telling = read;
+  telling.goes_on = [&](double share) {
+    progress.show(absl::StrFormat("%s: %.0f %% read", file, 100.0 * share));
+    return interrupted() == 0;
+  };
+  const auto summary = trajectory::summarize(file, telling);
+  progress.end();
+  if (interrupted() != 0) return 128 + interrupted();
   if (!summary.ok()) {
     report("info", summary.status());
     return kBadInput;
@@ -126,6 +136,7 @@ int run_file_info(const std::string& file, const trajectory::ReadOptions& read, 
     report["has_z"] = summary->has_z;
     report["has_heading"] = summary->has_heading;
     report["channels"] = info.channel_names;
+    report["motions"] = info.motion_names;
     report["walkable_area"] = !info.walkable_area_wkt.empty();
     report["notes"] = info.notes;
     std::printf("%s\n",
@@ -147,10 +158,11 @@ int run_file_info(const std::string& file, const trajectory::ReadOptions& read, 
     absl::PrintF("\n");
   }
   absl::PrintF("heading   %s\n", summary->has_heading ? "yes" : "no, derived from motion");
-  std::string channels;
-  for (const std::string& name : info.channel_names)
-    absl::StrAppend(&channels, channels.empty() ? "" : ", ", name);
-  absl::PrintF("channels  %s\n", channels.empty() ? "none" : channels);
+  const auto listed = [](const std::vector<std::string>& names) {
+    return names.empty() ? "none" : absl::StrJoin(names, ", ");
+  };
+  absl::PrintF("channels  %s\n", listed(info.channel_names));
+  absl::PrintF("motions   %s\n", listed(info.motion_names));
   absl::PrintF("area      %s\n", info.walkable_area_wkt.empty() ? "none" : "walkable area given");
   for (const std::string& note : info.notes) absl::PrintF("note      %s\n", note);
   return kOk;

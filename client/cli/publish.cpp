@@ -74,7 +74,17 @@ void fill_positions(const trajectory::Frame& frame, double origin_z,
 
 int run_publish(const PublishCommand& command) {
   const char* const kName = "publish";
-  auto reader = trajectory::open(command.file, command.read);
+  Progress progress(command.common.quiet);
+  trajectory::ReadOptions read = command.read;
+  read.streams = true;
+  read.goes_on = [&](double share) {
+    progress.show(absl::StrFormat("%s: sorting by time before the first frame, %.0f %% read",
+                                  command.file, 100.0 * share));
+    return interrupted() == 0;
+  };
+  auto reader = trajectory::open(command.file, read);
+  if (interrupted() != 0) return 128 + interrupted();
+  progress.end();
   if (!reader.ok()) {
     report(kName, reader.status());
     return kBadInput;
@@ -115,6 +125,7 @@ int run_publish(const PublishCommand& command) {
   options.origin_m = origin_of(frame);
   options.queue_frames = 64;
   options.agent_name = [&reader](std::uint64_t id) { return (*reader)->agent_name(id); };
+  options.agent_character = [&reader](std::uint64_t id) { return (*reader)->agent_character(id); };
   const auto wait = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * command.wait_s));
   auto producer =
       Producer::connect(command.common.connection.url, command.crowd, std::move(options));
@@ -122,7 +133,6 @@ int run_publish(const PublishCommand& command) {
     return report(kName, status);
 
   Pacer pacer;
-  Progress progress(command.common.quiet);
   const SteadyClock::time_point began = SteadyClock::now();
   std::int64_t lap_us = 0;  // scene time of the file's first frame in this lap
   std::uint64_t laps = 1;
@@ -142,7 +152,7 @@ int run_publish(const PublishCommand& command) {
       fill_positions(frame, 0.0, positions);
       channels.assign(frame.channels.begin(), frame.channels.end());
       producer->publish(time_us, frame.ids, positions, frame.heading_rad, channels,
-                        {frame.motion, info.motion_names});
+                        {frame.motion, (*reader)->info().motion_names});
       const ProducerStats stats = producer->stats();
       if (stats.ended) return report(kName, stats.last_error);
       progress.show(absl::StrFormat(
@@ -151,11 +161,25 @@ int run_publish(const PublishCommand& command) {
           stats.viewers, stats.connected ? "" : ", reconnecting",
           command.loop ? absl::StrCat(", lap ", laps) : std::string()));
       more = (*reader)->next(frame);
+      if (!absl::IsOutOfRange(more.status())) continue;
+      // It looked as if it were in order: from the beginning again, sorted, to where it was left.
+      progress.end();
+      if (!command.common.quiet) {
+        absl::FPrintF(stderr, "throng publish: note: %s; it is sorted now\n",
+                      std::string(more.status().message()));
+      }
+      read.streams = false;
+      reader = trajectory::open(command.file, read);
+      if (!reader.ok()) break;
+      do {
+        more = (*reader)->next(frame);
+      } while (more.ok() && *more && frame.time_us <= last_us);
     }
+    if (!reader.ok()) more = reader.status();
     if (interrupted() != 0 || !more.ok() || !command.loop) break;
     lap_us += last_us + spacing_us;
     ++laps;
-    reader = trajectory::open(command.file, command.read);
+    reader = trajectory::open(command.file, read);
     if (!reader.ok()) {
       more = reader.status();
       break;

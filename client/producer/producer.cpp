@@ -36,6 +36,7 @@ struct Members {
   std::uint64_t epoch = 0;
   std::vector<std::uint64_t> ids;
   std::vector<std::string> names;
+  std::vector<std::int32_t> characters;  // empty, or [A]
 };
 
 struct Frame {
@@ -281,6 +282,7 @@ bool Producer::State::send(Stream& stream, const Frame& frame, std::uint64_t fra
     membership.set_ids(bytes_of(members.ids.data(), members.ids.size()));
     membership.clear_names();
     for (const std::string& name : members.names) membership.add_names(name);
+    membership.set_characters(bytes_of(members.characters.data(), members.characters.size()));
     if (!stream.Write(message)) return false;
   }
 
@@ -422,6 +424,13 @@ bool Producer::publish(std::int64_t time_us, std::span<const std::uint64_t> ids,
             any = any || !members->names.back().empty();
           }
           if (!any) members->names.clear();
+        }
+        if (state.options.agent_character) {
+          for (const std::uint64_t id : ids) {
+            members->characters.push_back(state.options.agent_character(id));
+          }
+          const auto is_chosen = [](std::int32_t character) { return character >= 0; };
+          if (std::ranges::none_of(members->characters, is_chosen)) members->characters.clear();
         }
         state.members = std::move(members);
       }

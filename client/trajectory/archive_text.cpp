@@ -181,6 +181,7 @@ class Ingest {
       absl::StatusOr<bool> more = (*lines)->next(line);
       if (!more.ok()) return more.status();
       if (!*more) break;
+      if (absl::Status s = (*lines)->tell(options_); !s.ok()) return s;
       const std::uint64_t number = (*lines)->number();
       line = trimmed(line);
       if (line.empty()) continue;

@@ -116,69 +116,104 @@ bool one_of(std::string_view name, std::initializer_list<std::string_view> names
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-class Ingest {
+class Ingest final : public RowFeed {
  public:
   Ingest(const std::string& path, const ReadOptions& options) : path_(path), options_(options) {
     info_.format = "csv";
   }
 
-  ReaderOr run() {
-    absl::StatusOr<std::unique_ptr<LineSource>> lines = LineSource::open(path_);
+  /// Reads the whole table, or as much of it as shows that it is in order of time.
+  static ReaderOr run(std::unique_ptr<Ingest> ingest) {
+    absl::StatusOr<std::unique_ptr<LineSource>> lines = LineSource::open(ingest->path_);
     if (!lines.ok()) return lines.status();
-    std::string_view line;
-    std::vector<std::string_view> fields;
-    std::vector<std::string> unquoted;
-    bool first_row = true;
-    while (true) {
-      absl::StatusOr<bool> more = (*lines)->next(line);
+    ingest->lines_ = *std::move(lines);
+    bool streams = false;
+    while (!streams) {
+      absl::StatusOr<bool> more = ingest->read_line(ingest->rows_.get());
       if (!more.ok()) return more.status();
       if (!*more) break;
-      const std::uint64_t number = (*lines)->number();
-      if (trimmed(line).empty()) continue;
-      if (trimmed(line).front() == '#') {
-        if (absl::Status s = read_comment(number, trimmed(line).substr(1)); !s.ok()) return s;
-        continue;
-      }
-      if (names_.empty()) {
-        delimiter_ = csv_delimiter(line);
-        if (!split_csv(line, delimiter_, fields, unquoted)) return bad_quotes(number);
-        if (absl::Status s = read_names(number, fields); !s.ok()) return s;
-        continue;
-      }
-      if (!split_csv(line, delimiter_, fields, unquoted)) return bad_quotes(number);
-      if (fields.size() != names_.size()) {
-        // A delimiter at the end of each line makes one empty field more.
-        const bool trailing = fields.size() == names_.size() + 1 && fields.back().empty();
-        if (!trailing) {
-          return fault(path_, number,
-                       absl::StrCat("the row has ", fields.size(), " fields, the header names ",
-                                    names_.size(),
-                                    (*lines)->unterminated()
-                                        ? "; the file is cut short: remove its last line"
-                                        : "; correct or remove the row"));
-        }
-      }
-      if (first_row) {
-        first_row = false;
-        if (is_units_row(fields)) {
-          if (absl::Status s = read_units(number, fields); !s.ok()) return s;
-          if (absl::Status s = settle({}); !s.ok()) return s;
-          continue;
-        }
-      }
-      if (rows_ == nullptr || !channels_settled_) {
-        if (absl::Status s = settle(fields); !s.ok()) return s;
-      }
-      if (absl::Status s = add(number, fields); !s.ok()) return s;
+      if (absl::Status s = ingest->lines_->tell(ingest->options_); !s.ok()) return s;
+      streams = ingest->can_stream();
     }
-    if (names_.empty()) return fault(path_, "the file has no line with column names");
-    if (rows_ == nullptr) {
-      return fault(path_, "there are no rows of agents in the file; it may have been cut short");
+    if (ingest->names_.empty()) {
+      return fault(ingest->path_, "the file has no line with column names");
     }
-    return finish();
+    if (ingest->rows_ == nullptr) {
+      return fault(ingest->path_,
+                   "there are no rows of agents in the file; it may have been cut short");
+    }
+    Ingest& own = *ingest;
+    return own.finish(streams ? std::move(ingest) : nullptr);
   }
 
+  absl::StatusOr<bool> read_on(RowSorter& rows) override {
+    absl::StatusOr<bool> more = read_line(&rows);
+    if (!absl::IsOutOfRange(more.status())) return more;
+    return absl::OutOfRangeError(
+        absl::StrCat(path_, ", line ", lines_->number(),
+                     ": the row belongs to a moment that was given already: the file is not in "
+                     "order of time"));
+  }
+  const IdTable& ids() const override { return ids_; }
+  const std::vector<std::string>& motion_names() const override { return info_.motion_names; }
+
  private:
+  /// In order of time as far as some thousand rows and a few moments show; an agent that is not
+  /// active is added later than its time.
+  bool can_stream() const {
+    constexpr std::uint64_t kLookAheadRows = 1u << 17;
+    constexpr std::size_t kLookAheadKeys = 8;
+    return options_.streams && rows_ != nullptr && active_ == kNone && rows_->keys_rise() &&
+           !rows_->spilled() && rows_->row_count() >= kLookAheadRows &&
+           rows_->key_count() >= kLookAheadKeys;
+  }
+
+  /// Takes the next line; its row goes to `rows`, where there is one (the first row makes it).
+  absl::StatusOr<bool> read_line(RowSorter* rows) {
+    std::string_view line;
+    std::vector<std::string_view>& fields = fields_;
+    absl::StatusOr<bool> more = lines_->next(line);
+    if (!more.ok() || !*more) return more;
+    const std::uint64_t number = lines_->number();
+    if (trimmed(line).empty()) return true;
+    if (trimmed(line).front() == '#') {
+      if (absl::Status s = read_comment(number, trimmed(line).substr(1)); !s.ok()) return s;
+      return true;
+    }
+    if (names_.empty()) {
+      delimiter_ = csv_delimiter(line);
+      if (!split_csv(line, delimiter_, fields, unquoted_)) return bad_quotes(number);
+      if (absl::Status s = read_names(number, fields); !s.ok()) return s;
+      return true;
+    }
+    if (!split_csv(line, delimiter_, fields, unquoted_)) return bad_quotes(number);
+    if (fields.size() != names_.size()) {
+      // A delimiter at the end of each line makes one empty field more.
+      const bool trailing = fields.size() == names_.size() + 1 && fields.back().empty();
+      if (!trailing) {
+        return fault(
+            path_, number,
+            absl::StrCat("the row has ", fields.size(), " fields, the header names ", names_.size(),
+                         lines_->unterminated() ? "; the file is cut short: remove its last line"
+                                                : "; correct or remove the row"));
+      }
+    }
+    if (first_row_) {
+      first_row_ = false;
+      if (is_units_row(fields)) {
+        if (absl::Status s = read_units(number, fields); !s.ok()) return s;
+        if (absl::Status s = settle({}); !s.ok()) return s;
+        return true;
+      }
+    }
+    if (!channels_settled_) {
+      if (absl::Status s = settle(fields); !s.ok()) return s;
+      rows = rows_.get();
+    }
+    if (absl::Status s = add(number, fields, *rows); !s.ok()) return s;
+    return true;
+  }
+
   absl::Status bad_quotes(std::uint64_t number) const {
     return fault(path_, number, "a quote is not closed, or text follows a closing quote");
   }
@@ -435,7 +470,8 @@ class Ingest {
                      comma ? "; write a point, not a comma" : "; correct or remove the row"));
   }
 
-  absl::Status add(std::uint64_t line, const std::vector<std::string_view>& fields) {
+  absl::Status add(std::uint64_t line, const std::vector<std::string_view>& fields,
+                   RowSorter& rows) {
     if (sumo_ && fields[id_].empty()) {
       ++vehicles_;
       return absl::OkStatus();
@@ -486,7 +522,7 @@ class Ingest {
       }
       values_.push_back(value);
     }
-    return active_ == kNone ? rows_->add(key, *id, line, values_)
+    return active_ == kNone ? rows.add(key, *id, line, values_)
                             : add_if_active(fields[active_] != "0", key, *id, line);
   }
 
@@ -564,7 +600,7 @@ class Ingest {
     entry->second = {time_s, values_[0], values_[1]};
   }
 
-  ReaderOr finish() {
+  ReaderOr finish(std::unique_ptr<Ingest> feed) {
     if (unit_assumed_ && walked_s_ > 0.0 && distance_m_ / walked_s_ > kImplausibleSpeed) {
       return fault(path_, absl::StrCat("the columns name no unit, and in metres agents would move ",
                                        number_text(std::round(distance_m_ / walked_s_)),
@@ -591,12 +627,18 @@ class Ingest {
           absl::StrCat(counted(odd_motions_, "motion", "motions"), " left out: over ", kMostMotions,
                        " different ones, or a name of over ", kLongestMotion, " bytes"));
     }
-    return make_sorted_reader(path_, std::move(info_), columns_, base_, options_, std::move(rows_),
-                              std::move(ids_));
+    IdTable ids(false);
+    if (feed == nullptr) std::swap(ids, ids_);
+    return make_sorted_reader(path_, info_, columns_, base_, options_, std::move(rows_),
+                              std::move(ids), std::move(feed));
   }
 
-  const std::string& path_;
-  const ReadOptions& options_;
+  const std::string path_;
+  const ReadOptions options_;
+  std::unique_ptr<LineSource> lines_;
+  std::vector<std::string_view> fields_;
+  std::vector<std::string> unquoted_;
+  bool first_row_ = true;
   Info info_;
   char delimiter_ = ',';
   std::vector<std::string> names_;
@@ -630,7 +672,7 @@ class Ingest {
 }  // namespace
 
 ReaderOr open_csv(const std::string& path, const ReadOptions& options) {
-  return Ingest(path, options).run();
+  return Ingest::run(std::make_unique<Ingest>(path, options));
 }
 
 }  // namespace throng::trajectory::detail

@@ -17,6 +17,9 @@
 ///   STRT  JSON of the RecordingSpec, with "part"
 ///   AREA  walkable area, WKT
 ///   MEMB  agents u32, raw length u32, zstd of (ids u64[A], then names as length u16 and bytes)
+///   CHAR  agents u32, raw length u32, zstd of cast members i32[A]; after MEMB, or none: by id
+///   HINT  agents u32, raw length u32, zstd of (names u8, each as length u8 and bytes, then codes
+///         u8[A], 0: by speed, k: the k-th name); holds until the next one, or MEMB
 ///   FRAM  time i64, step u8, flags u8, zstd of columns: x y z [heading] [channels], each u32[A] as
 ///         four planes of bytes
 ///   NEXT  name of the file that goes on
@@ -28,6 +31,7 @@ inline constexpr std::size_t kMostPayload = 1u << 30;
 inline constexpr std::size_t kFrameHead = 10;
 inline constexpr std::uint8_t kHasHeading = 1, kHasChannels = 2, kIsKey = 4;
 inline constexpr int kMostStep = 20;
+inline constexpr std::size_t kMostHints = 64, kLongestHint = 64;  // what the wire takes
 
 /// Metres of one step of position.
 inline double step_m(int step) { return 1e-4 * static_cast<double>(1u << step); }

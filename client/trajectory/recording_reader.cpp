@@ -69,6 +69,10 @@ class RecordingReader final : public Reader {
     const auto found = names_.find(id);
     return found != names_.end() ? found->second : std::string();
   }
+  std::int32_t agent_character(std::uint64_t id) const override {
+    const auto found = characters_.find(id);
+    return found != characters_.end() ? found->second : -1;
+  }
 
  private:
   std::string at(std::string_view message) const {
@@ -141,6 +145,10 @@ class RecordingReader final : public Reader {
       if (type_ == "FRAM") return true;
       if (type_ == "MEMB") {
         if (absl::Status s = members(); !s.ok()) return s;
+      } else if (type_ == "CHAR") {
+        if (absl::Status s = characters(); !s.ok()) return s;
+      } else if (type_ == "HINT") {
+        if (absl::Status s = hints(); !s.ok()) return s;
       } else if (type_ == "AREA") {
         area();
       } else if (type_ == "NEXT") {
@@ -263,6 +271,66 @@ class RecordingReader final : public Reader {
     }
     history_.set_members(ids_, 4 + info_.channel_names.size());
     has_members_ = true;
+    motion_.clear();
+    return absl::OkStatus();
+  }
+
+  /// What is packed of a record for each of the present members, at most so many bytes.
+  absl::Status unpack_members(std::size_t most, std::string& raw) {
+    if (!has_members_ || payload_.size() < 8) {
+      return fault(path_, at(absl::StrCat(type_, " comes before MEMB, or is too short")));
+    }
+    const std::size_t agents = take<std::uint32_t>(payload_.data());
+    const std::size_t raw_size = take<std::uint32_t>(payload_.data() + 4);
+    if (agents != ids_.size() || raw_size > most) {
+      return fault(path_, at(absl::StrCat(type_, ": ", agents, " agents in ", raw_size,
+                                          " bytes, there are ", ids_.size(), ", at most ", most)));
+    }
+    raw.resize(raw_size);
+    return unpack(8, raw);
+  }
+
+  absl::Status characters() {
+    std::string raw;
+    if (absl::Status s = unpack_members(4 * ids_.size(), raw); !s.ok()) return s;
+    if (raw.size() != 4 * ids_.size()) return fault(path_, at("CHAR: it is cut short"));
+    for (std::size_t i = 0; i < ids_.size(); ++i) {
+      const auto member = take<std::int32_t>(raw.data() + 4 * i);
+      if (member < -1) return fault(path_, at(absl::StrCat("CHAR: a character is ", member)));
+      characters_.insert_or_assign(ids_[i], member);
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status hints() {
+    std::string raw;
+    const std::size_t most = 1 + kMostHints * (1 + kLongestHint) + ids_.size();
+    if (absl::Status s = unpack_members(most, raw); !s.ok()) return s;
+    const auto cut = [this] { return fault(path_, at("HINT: names or codes do not fit")); };
+    if (raw.empty()) return cut();
+    // codes of this record to those of Info, which may have no more room
+    std::vector<std::uint8_t> code(1, 0);
+    std::size_t offset = 1;
+    for (std::size_t names = static_cast<unsigned char>(raw[0]); names > 0; --names) {
+      const std::size_t length = offset < raw.size() ? static_cast<unsigned char>(raw[offset]) : 0;
+      if (code.size() > kMostHints || length > kLongestHint || offset + 1 + length > raw.size()) {
+        return cut();
+      }
+      const std::string name = raw.substr(offset + 1, length);
+      offset += 1 + length;
+      std::vector<std::string>& known = info_.motion_names;
+      auto found = std::find(known.begin(), known.end(), name);
+      if (found == known.end() && known.size() < kMostHints) found = known.insert(found, name);
+      code.push_back(found == known.end() ? std::uint8_t{0}
+                                          : static_cast<std::uint8_t>(found - known.begin() + 1));
+    }
+    if (raw.size() - offset != ids_.size()) return cut();
+    motion_.resize(ids_.size());
+    for (std::size_t i = 0; i < ids_.size(); ++i) {
+      const auto one = static_cast<unsigned char>(raw[offset + i]);
+      if (one >= code.size()) return cut();
+      motion_[i] = code[one];
+    }
     return absl::OkStatus();
   }
 
@@ -352,6 +420,7 @@ class RecordingReader final : public Reader {
       plane += 4 * agents;
     }
     history_.all_known();
+    frame.motion = motion_;
     return absl::OkStatus();
   }
 
@@ -369,6 +438,8 @@ class RecordingReader final : public Reader {
   std::array<double, 3> origin_m_{};
   std::vector<std::uint64_t> ids_;
   std::unordered_map<std::uint64_t, std::string> names_;
+  std::unordered_map<std::uint64_t, std::int32_t> characters_;
+  std::vector<std::uint8_t> motion_;  // [A] of the last HINT, or empty
   WordHistory history_;
   std::int64_t first_us_ = 0, last_us_ = 0;
   int step_ = 0;

@@ -84,6 +84,9 @@ struct RecordingWriter::State {
   std::uint64_t limit_bytes;
   std::vector<std::uint64_t> ids;
   std::vector<std::string> names;
+  std::vector<std::int32_t> characters;
+  std::vector<std::uint8_t> motion;  // as it was written last; empty: all by speed
+  std::vector<std::string> motion_names;
   std::string wkt;
   bool members_changed = true, is_key = true;
   int step = 0;
@@ -248,6 +251,34 @@ struct RecordingWriter::State {
     }
   }
 
+  absl::Status agents_record(std::string_view type, const std::string& raw) {
+    std::string payload;
+    put(payload, static_cast<std::uint32_t>(ids.size()));
+    put(payload, static_cast<std::uint32_t>(raw.size()));
+    return record(type, payload + compressed(raw));
+  }
+
+  /// What agents do, where it has changed.
+  absl::Status write_motion(std::span<const std::uint8_t> now,
+                            std::span<const std::string> now_names) {
+    const bool any = std::any_of(now.begin(), now.end(), [](std::uint8_t code) { return code; });
+    if (!any && motion.empty()) return absl::OkStatus();
+    if (std::ranges::equal(now, motion) && std::ranges::equal(now_names, motion_names)) {
+      return absl::OkStatus();
+    }
+    std::string raw;
+    put(raw, static_cast<std::uint8_t>(any ? now_names.size() : 0));
+    for (const std::string& name : now_names.first(any ? now_names.size() : 0)) {
+      put(raw, static_cast<std::uint8_t>(name.size()));
+      raw += name;
+    }
+    motion.assign(any ? now.begin() : now.end(), now.end());
+    motion_names.assign(now_names.begin(), now_names.end());
+    raw.append(motion.begin(), motion.end());
+    if (!any) raw.append(ids.size(), '\0');
+    return agents_record("HINT", raw);
+  }
+
   absl::Status write_members() {
     std::string raw;
     raw.reserve(8 * ids.size());
@@ -256,11 +287,13 @@ struct RecordingWriter::State {
       put(raw, static_cast<std::uint16_t>(std::min<std::size_t>(name.size(), 4096)));
       raw.append(name, 0, 4096);
     }
-    std::string payload;
-    put(payload, static_cast<std::uint32_t>(ids.size()));
-    put(payload, static_cast<std::uint32_t>(raw.size()));
-    payload += compressed(raw);
-    if (absl::Status s = record("MEMB", payload); !s.ok()) return s;
+    if (absl::Status s = agents_record("MEMB", raw); !s.ok()) return s;
+    motion.clear();
+    if (!characters.empty()) {
+      const std::string columns(reinterpret_cast<const char*>(characters.data()),
+                                sizeof(std::int32_t) * characters.size());
+      if (absl::Status s = agents_record("CHAR", columns); !s.ok()) return s;
+    }
     history.set_members(ids, 4 + spec.channel_names.size());
     members_changed = false;
     return absl::OkStatus();
@@ -296,9 +329,11 @@ RecordingWriter::~RecordingWriter() = default;
 const std::string& RecordingWriter::path() const { return state_->path; }
 
 void RecordingWriter::set_members(std::span<const std::uint64_t> ids,
-                                  std::span<const std::string> names) {
+                                  std::span<const std::string> names,
+                                  std::span<const std::int32_t> characters) {
   state_->ids.assign(ids.begin(), ids.end());
   state_->names.assign(names.begin(), names.end());
+  state_->characters.assign(characters.begin(), characters.end());
   state_->members_changed = true;
 }
 
@@ -314,14 +349,24 @@ absl::Status RecordingWriter::set_walkable_area(const std::string& wkt) {
 
 absl::Status RecordingWriter::write(std::int64_t time_us, std::span<const float> position_m,
                                     std::span<const float> heading_rad,
-                                    std::span<const std::vector<float>> channels) {
+                                    std::span<const std::vector<float>> channels,
+                                    std::span<const std::uint8_t> motion,
+                                    std::span<const std::string> motion_names) {
   State& s = *state_;
   if (!s.failed.ok()) return s.failed;
   const std::size_t agents = s.ids.size();
   if (position_m.size() != 3 * agents || (!heading_rad.empty() && heading_rad.size() != agents) ||
-      (!channels.empty() && channels.size() != s.spec.channel_names.size())) {
+      (!channels.empty() && channels.size() != s.spec.channel_names.size()) ||
+      (!motion.empty() && motion.size() != agents) ||
+      (!s.characters.empty() && s.characters.size() != agents)) {
     return absl::InvalidArgumentError(
         absl::StrCat("write: the columns do not fit ", agents, " agents"));
+  }
+  if (motion_names.size() > kMostHints ||
+      std::ranges::any_of(motion_names,
+                          [](const auto& name) { return name.size() > kLongestHint; }) ||
+      std::ranges::any_of(motion, [&](std::uint8_t code) { return code > motion_names.size(); })) {
+    return absl::InvalidArgumentError("write: the motions do not fit their names");
   }
   const std::uint64_t part_limit =
       std::clamp(s.limit_bytes / kParts, kLeastPartBytes, kMostPartBytes);
@@ -331,6 +376,7 @@ absl::Status RecordingWriter::write(std::int64_t time_us, std::span<const float>
   if (s.members_changed) {
     if (absl::Status status = s.write_members(); !status.ok()) return status;
   }
+  if (absl::Status status = s.write_motion(motion, motion_names); !status.ok()) return status;
 
   float farthest_m = 0.0F;
   bool is_good = true;

@@ -10,12 +10,16 @@
 #include <cstdlib>
 #include <cstring>
 #include <numeric>
+#include <utility>
+
+#include "support.hpp"
 
 namespace throng::trajectory::detail {
 namespace {
 
 constexpr std::size_t kMaxKeys = 4u << 20;
 constexpr std::size_t kMergeBytes = 64u << 20;
+constexpr std::size_t kStreamRows = 4096;
 
 bool before(const std::uint64_t* a, const std::uint64_t* b) {
   const auto key_a = static_cast<std::int64_t>(a[0]), key_b = static_cast<std::int64_t>(b[0]);
@@ -60,7 +64,10 @@ absl::Status RowSorter::add_moment(std::int64_t key) {
 
 absl::Status RowSorter::push(std::int64_t key, std::uint64_t id, std::uint64_t line,
                              std::span<const double> values) {
-  if (words_.size() >= rows_in_memory_ * stride_) {
+  if (has_complete_ && key <= complete_key_) {
+    return absl::OutOfRangeError("the row comes after rows of later times");
+  }
+  if (feed_ == nullptr && words_.size() >= rows_in_memory_ * stride_) {
     if (absl::Status status = spill(); !status.ok()) return status;
   }
   const std::size_t at = words_.size();
@@ -75,7 +82,8 @@ absl::Status RowSorter::push(std::int64_t key, std::uint64_t id, std::uint64_t l
 
   if (row_count_ == 0 || key < first_key_) first_key_ = key;
   if (row_count_ == 0 || key > last_key_) last_key_ = key;
-  if (!too_many_keys_ && (row_count_ == 0 || key != recent_key_)) {
+  if (row_count_ > 0 && key < recent_key_) keys_rise_ = false;
+  if (feed_ == nullptr && !too_many_keys_ && (row_count_ == 0 || key != recent_key_)) {
     key_set_.insert(key);
     if (key_set_.size() > kMaxKeys) {
       too_many_keys_ = true;
@@ -169,10 +177,53 @@ absl::Status RowSorter::refill(Run& run) {
   return absl::OkStatus();
 }
 
-absl::Status RowSorter::finish() {
+void RowSorter::sort_keys() {
   keys_.assign(key_set_.begin(), key_set_.end());
   key_set_ = {};
   std::sort(keys_.begin(), keys_.end());
+}
+
+void RowSorter::stream(std::function<absl::StatusOr<bool>()> feed) {
+  sort_keys();
+  feed_ = std::move(feed);
+}
+
+absl::Status RowSorter::refill_stream() {
+  // What is left is of the last key, which is not complete yet.
+  std::vector<std::uint64_t> left;
+  for (std::size_t i = complete_rows_; i * stride_ < words_.size(); ++i) {
+    const std::uint64_t* row = memory_row(i);
+    left.insert(left.end(), row, row + stride_);
+  }
+  words_.swap(left);
+  order_.clear();
+  in_order_ = true;
+  for (std::size_t at = stride_; at < words_.size() && in_order_; at += stride_) {
+    in_order_ = !before(words_.data() + at, words_.data() + at - stride_);
+  }
+  next_memory_ = 0;
+  const auto key_of = [this](std::size_t at) { return static_cast<std::int64_t>(words_[at]); };
+  while (!fed_ && words_.size() / stride_ <= kMaxAgentsPerFrame &&
+         (words_.size() < kStreamRows * stride_ || key_of(0) == recent_key_)) {
+    absl::StatusOr<bool> more = feed_();
+    if (!more.ok()) return more.status();
+    fed_ = !*more;
+  }
+  sort_memory();
+  complete_rows_ = words_.size() / stride_;
+  // more of one key than may be is the reader's to refuse
+  if (fed_ || complete_rows_ > kMaxAgentsPerFrame) return absl::OkStatus();
+  const std::uint64_t last_key = *memory_row(complete_rows_ - 1);
+  while (complete_rows_ > 0 && *memory_row(complete_rows_ - 1) == last_key) --complete_rows_;
+  if (complete_rows_ > 0) {
+    complete_key_ = static_cast<std::int64_t>(*memory_row(complete_rows_ - 1));
+    has_complete_ = true;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status RowSorter::finish() {
+  sort_keys();
   if (runs_.empty()) {
     sort_memory();
     return absl::OkStatus();
@@ -206,6 +257,10 @@ absl::StatusOr<bool> RowSorter::next(Row& row) {
       values_[i] = std::bit_cast<double>(words[3 + i]);
     row.values = values_;
   };
+  while (feed_ != nullptr && next_memory_ == complete_rows_ && !fed_) {
+    if (absl::Status status = refill_stream(); !status.ok()) return status;
+  }
+  if (feed_ != nullptr && next_memory_ == complete_rows_) return false;
   if (runs_.empty()) {
     if (next_memory_ * stride_ >= words_.size()) return false;
     give(memory_row(next_memory_++));

@@ -4,6 +4,7 @@
 #include <absl/status/statusor.h>
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -17,7 +18,8 @@ namespace throng::trajectory::detail {
 /// Archive files are sorted by agent, so their first frame is known only at the end of the file.
 /// Rows are kept in memory up to `memory_bytes`; beyond that, sorted runs go to an unlinked
 /// temporary file ($TMPDIR, else /var/tmp) and are merged while they are read. A run that is in
-/// order already is not sorted again.
+/// order already is not sorted again. Of a file in order of time, `stream` gives rows while it is
+/// read.
 class RowSorter {
  public:
   struct Row {
@@ -33,13 +35,20 @@ class RowSorter {
   RowSorter(const RowSorter&) = delete;
   RowSorter& operator=(const RowSorter&) = delete;
 
-  /// ResourceExhausted when the temporary file cannot be written.
+  /// ResourceExhausted when the temporary file cannot be written, OutOfRange for a row of a stream
+  /// that comes after later ones were given.
   absl::Status add(std::int64_t key, std::uint64_t id, std::uint64_t line,
                    std::span<const double> values);
   /// A moment the file lists without anybody.
   absl::Status add_moment(std::int64_t key);
   /// No row may be added after this.
   absl::Status finish();
+  /// Instead of `finish`, while nothing was spilled: `next` calls `feed`, which adds rows or
+  /// returns false at the end, and holds two keys and some thousand rows.
+  void stream(std::function<absl::StatusOr<bool>()> feed);
+  /// Whether no key was less than the one before.
+  bool keys_rise() const { return keys_rise_; }
+  std::size_t key_count() const { return key_set_.size(); }  // before `finish`; distinct
 
   /// Rows by key, then id, then line; `row.values` holds until the next call. False at the end.
   absl::StatusOr<bool> next(Row& row);
@@ -59,6 +68,8 @@ class RowSorter {
   void sort_memory();
   absl::Status spill();
   absl::Status refill(Run& run);
+  absl::Status refill_stream();
+  void sort_keys();
   const std::uint64_t* memory_row(std::size_t index) const;
 
   std::size_t stride_;          // words of a row: key, id, line, values
@@ -67,6 +78,13 @@ class RowSorter {
   std::vector<std::uint32_t> order_;  // empty when words_ is in order
   bool in_order_ = true;
   std::size_t next_memory_ = 0;
+  bool keys_rise_ = true;
+
+  std::function<absl::StatusOr<bool>()> feed_;  // of a stream
+  bool fed_ = false;                            // to its end
+  std::size_t complete_rows_ = 0;               // in memory, of keys that no row may come to
+  std::int64_t complete_key_ = 0;
+  bool has_complete_ = false;
 
   int file_ = -1;
   std::uint64_t file_bytes_ = 0;

@@ -35,21 +35,29 @@ void append_row(const Columns& columns, std::uint64_t id, std::span<const double
 
 namespace {
 
+absl::Status too_long(const std::string& path, double span_s) {
+  return fault(path, absl::StrCat("the file spans ", number_text(span_s), " seconds, at most ",
+                                  number_text(kMaxTimeS),
+                                  " are allowed; check its frame numbers and its rate"));
+}
+
 class SortedReader final : public Reader {
  public:
   SortedReader(std::string path, Info info, Columns columns, bool times, double keys_per_s,
-               double step, std::unique_ptr<RowSorter> rows, IdTable ids)
+               double step, std::unique_ptr<RowSorter> rows, IdTable ids,
+               std::unique_ptr<RowFeed> feed)
       : path_(std::move(path)),
         info_(std::move(info)),
         columns_(columns),
         times_(times),
         keys_per_s_(keys_per_s),
         step_(step),
+        feed_(std::move(feed)),
         rows_(std::move(rows)),
-        ids_(std::move(ids)) {}
+        own_ids_(std::move(ids)) {}
 
   const Info& info() const override { return info_; }
-  std::string agent_name(std::uint64_t id) const override { return ids_.name(id); }
+  std::string agent_name(std::uint64_t id) const override { return ids().name(id); }
   std::int64_t frames_inserted() const override { return inserted_; }
 
   absl::StatusOr<bool> next(Frame& frame) override {
@@ -78,6 +86,8 @@ class SortedReader final : public Reader {
   }
 
  private:
+  const IdTable& ids() const { return feed_ != nullptr ? feed_->ids() : own_ids_; }
+
   std::int64_t time_us(std::int64_t key) const {
     const double keys = static_cast<double>(key) - static_cast<double>(rows_->first_key());
     return times_ ? key - rows_->first_key() : std::llround(keys * 1e6 / keys_per_s_);
@@ -92,6 +102,9 @@ class SortedReader final : public Reader {
     }
     if (at_end_) return false;
     key_ = row_.key;
+    const double span_s =
+        (static_cast<double>(key_) - static_cast<double>(rows_->first_key())) / keys_per_s_;
+    if (!(span_s <= kMaxTimeS)) return too_long(path_, span_s);
     if (given_ && time_us(key_) <= last_us_) {
       return fault(path_, row_.line,
                    absl::StrCat("frame ", key_, " is less than a microsecond after frame ",
@@ -116,11 +129,14 @@ class SortedReader final : public Reader {
         break;
       }
     }
+    if (feed_ != nullptr && feed_->motion_names().size() > info_.motion_names.size()) {
+      info_.motion_names = feed_->motion_names();
+    }
     return true;
   }
 
   absl::Status twice(std::uint64_t line) const {
-    const std::string name = ids_.name(row_.id);
+    const std::string name = ids().name(row_.id);
     return fault(
         path_, row_.line,
         absl::StrCat(
@@ -150,8 +166,9 @@ class SortedReader final : public Reader {
   bool times_;
   double keys_per_s_;
   double step_;
+  std::unique_ptr<RowFeed> feed_;
   std::unique_ptr<RowSorter> rows_;
-  IdTable ids_;
+  IdTable own_ids_;
 
   RowSorter::Row row_;
   bool started_ = false, at_end_ = false;
@@ -176,15 +193,17 @@ double usual_step(const std::vector<std::int64_t>& keys) {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<Reader>> make_sorted_reader(const std::string& path, Info info,
-                                                           Columns columns, TimeBase base,
-                                                           const ReadOptions& options,
-                                                           std::unique_ptr<RowSorter> rows,
-                                                           IdTable ids) {
+absl::StatusOr<std::unique_ptr<Reader>> make_sorted_reader(
+    const std::string& path, Info info, Columns columns, TimeBase base, const ReadOptions& options,
+    std::unique_ptr<RowSorter> rows, IdTable ids, std::unique_ptr<RowFeed> feed) {
   if (rows->empty()) {
     return fault(path, "there are no rows of agents in the file; it may have been cut short");
   }
-  if (absl::Status status = rows->finish(); !status.ok()) return status;
+  if (feed != nullptr) {
+    rows->stream([from = feed.get(), to = rows.get()] { return from->read_on(*to); });
+  } else if (absl::Status status = rows->finish(); !status.ok()) {
+    return status;
+  }
   const double step = usual_step(rows->keys());
   double keys_per_s = 1e6;
   const bool times = base.kind == TimeBase::Kind::kMicroseconds;
@@ -212,17 +231,14 @@ absl::StatusOr<std::unique_ptr<Reader>> make_sorted_reader(const std::string& pa
   }
   const double span_s =
       (static_cast<double>(rows->last_key()) - static_cast<double>(rows->first_key())) / keys_per_s;
-  if (!(span_s <= kMaxTimeS)) {
-    return fault(path, absl::StrCat("the file spans ", number_text(span_s), " seconds, at most ",
-                                    number_text(kMaxTimeS),
-                                    " are allowed; check its frame numbers and its rate"));
-  }
+  if (!(span_s <= kMaxTimeS)) return too_long(path, span_s);
   if (rows->spilled()) {
     info.notes.push_back(
         absl::StrCat(rows->row_count(), " rows sorted by time through a temporary file"));
   }
-  return std::unique_ptr<Reader>(std::make_unique<SortedReader>(
-      path, std::move(info), columns, times, keys_per_s, step, std::move(rows), std::move(ids)));
+  return std::unique_ptr<Reader>(
+      std::make_unique<SortedReader>(path, std::move(info), columns, times, keys_per_s, step,
+                                     std::move(rows), std::move(ids), std::move(feed)));
 }
 
 }  // namespace throng::trajectory::detail

@@ -232,3 +232,21 @@ absl::StatusOr<double> parse_unit(const std::string& text) {
 }
 
 }  // namespace throng::trajectory
+
+namespace throng::trajectory {
+
+std::vector<std::int32_t> chosen_characters(const Reader& reader, const Frame& frame,
+                                            std::size_t member_count) {
+  std::vector<std::int32_t> members(frame.ids.size(), -1);
+  bool any = false;
+  for (std::size_t i = 0; i < frame.ids.size(); ++i) {
+    const std::int32_t chosen = reader.agent_character(frame.ids[i]);
+    if (chosen < 0 || static_cast<std::size_t>(chosen) >= member_count) continue;
+    members[i] = chosen;
+    any = true;
+  }
+  if (!any) members.clear();
+  return members;
+}
+
+}  // namespace throng::trajectory

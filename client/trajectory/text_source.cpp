@@ -5,6 +5,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 
 #include "support.hpp"
 
@@ -27,6 +28,13 @@ absl::StatusOr<std::unique_ptr<ByteSource>> ByteSource::open(const std::string& 
 
 ByteSource::~ByteSource() { gzclose(static_cast<gzFile>(file_)); }
 
+double ByteSource::share() const {
+  std::error_code error;
+  const std::uintmax_t size = std::filesystem::file_size(path_, error);
+  const auto at = gzoffset(static_cast<gzFile>(file_));
+  return error || size == 0 || at < 0 ? 0.0 : static_cast<double>(at) / static_cast<double>(size);
+}
+
 absl::StatusOr<std::size_t> ByteSource::read(char* to, std::size_t size) {
   gzFile file = static_cast<gzFile>(file_);
   const int got = gzread(file, to, static_cast<unsigned>(size));
@@ -48,6 +56,13 @@ absl::StatusOr<std::unique_ptr<LineSource>> LineSource::open(const std::string& 
   absl::StatusOr<std::unique_ptr<ByteSource>> bytes = ByteSource::open(path);
   if (!bytes.ok()) return bytes.status();
   return std::unique_ptr<LineSource>(new LineSource(*std::move(bytes), max_line_bytes));
+}
+
+absl::Status LineSource::tell(const ReadOptions& options) const {
+  if (options.goes_on == nullptr || number_ % 65'536 != 0) return absl::OkStatus();
+  return options.goes_on(bytes_->share())
+             ? absl::OkStatus()
+             : absl::CancelledError(absl::StrCat(bytes_->path(), ": reading was stopped"));
 }
 
 absl::StatusOr<bool> LineSource::next(std::string_view& line) {

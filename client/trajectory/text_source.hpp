@@ -9,6 +9,8 @@
 #include <string_view>
 #include <vector>
 
+#include "throng/trajectory/trajectory.hpp"
+
 namespace throng::trajectory::detail {
 
 /// Bytes of a file, unpacked when it is gzip.
@@ -22,6 +24,8 @@ class ByteSource {
   /// Up to `size` bytes; 0 at the end. DataLoss for a damaged or cut gzip stream.
   absl::StatusOr<std::size_t> read(char* to, std::size_t size);
   const std::string& path() const { return path_; }
+  /// How much of the file was read, 0 to 1; 0 where its size is not known.
+  double share() const;
 
  private:
   ByteSource(std::string path, void* file) : path_(std::move(path)), file_(file) {}
@@ -42,6 +46,8 @@ class LineSource {
   std::uint64_t number() const { return number_; }
   /// Whether that line had no newline: the last one of a file that may have been cut short.
   bool unterminated() const { return unterminated_; }
+  /// Tells ReadOptions::goes_on how far the file was read, every so many lines; Cancelled.
+  absl::Status tell(const ReadOptions& options) const;
 
  private:
   LineSource(std::unique_ptr<ByteSource> bytes, std::size_t max_line_bytes)

@@ -29,6 +29,7 @@ class Ingest {
       absl::StatusOr<bool> more = (*lines)->next(line);
       if (!more.ok()) return more.status();
       if (!*more) break;
+      if (absl::Status s = (*lines)->tell(options_); !s.ok()) return s;
       line = trimmed(line);
       if (line.empty()) continue;
       const std::uint64_t number = (*lines)->number();

@@ -127,6 +127,7 @@ class Ingest {
       absl::StatusOr<bool> more = (*lines)->next(line);
       if (!more.ok()) return more.status();
       if (!*more) break;
+      if (absl::Status s = (*lines)->tell(options_); !s.ok()) return s;
       line = trimmed(line);
       if (line.empty() || line.front() == '#') continue;
       split_blanks(line, fields);

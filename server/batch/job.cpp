@@ -154,6 +154,8 @@ class Feed {
       auto membership = std::make_shared<render::Membership>();
       membership->epoch = ++epoch_;
       membership->ids = frame_.ids;
+      membership->characters =
+          trajectory::chosen_characters(*reader_, frame_, crowd_.cast().members.size());
       membership_ = std::move(membership);
     }
     const glm::dvec3 origin = crowd_.settings().origin_world;

@@ -13,7 +13,7 @@ using SteadyClock = std::chrono::steady_clock;
 std::uint64_t size_of(const render::AgentFrame& frame) {
   std::uint64_t floats = 3 * frame.position_m.size() + frame.heading_rad.size();
   for (const std::vector<float>& channel : frame.channels) floats += channel.size();
-  return sizeof frame + sizeof(float) * floats;
+  return sizeof frame + sizeof(float) * floats + frame.motion.size();
 }
 
 }  // namespace
@@ -126,14 +126,15 @@ absl::Status Recording::put(const Item& item) {
   const render::AgentFrame& frame = *item.frame;
   if (frame.membership != membership_) {
     membership_ = frame.membership;
-    writer_.set_members(membership_->ids, membership_->names);
+    writer_.set_members(membership_->ids, membership_->names, membership_->characters);
   }
   static_assert(sizeof(glm::vec3) == 3 * sizeof(float));
   const std::span<const float> position_m(
       frame.position_m.empty() ? nullptr : &frame.position_m.front().x,
       3 * frame.position_m.size());
   const std::string before = writer_.path();
-  absl::Status status = writer_.write(frame.time_us, position_m, frame.heading_rad, frame.channels);
+  absl::Status status = writer_.write(frame.time_us, position_m, frame.heading_rad, frame.channels,
+                                      frame.motion, frame.motion_names);
   if (status.ok() && writer_.path() != before) {
     spdlog::info("event=recording crowd={} file=\"{}\"", crowd_, writer_.path());
   }

@@ -360,6 +360,7 @@ absl::Status Registry::resume_crowd(const std::string& name) {
         has_names = has_names || !membership->names.back().empty();
       }
       if (!has_names) membership->names.clear();
+      membership->characters = trajectory::chosen_characters(reader, frame, cast_->members.size());
       pushed.membership = membership;
     }
     pushed.time_us = frame.time_us;
@@ -371,6 +372,8 @@ absl::Status Registry::resume_crowd(const std::string& name) {
     }
     pushed.heading_rad = frame.heading_rad;
     pushed.channels = frame.channels;
+    pushed.motion = frame.motion;
+    pushed.motion_names = reader.info().motion_names;
     return named->crowd_->push(pushed);
   };
   const absl::StatusOr<trajectory::RecordedRun> run =

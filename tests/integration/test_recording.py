@@ -138,6 +138,21 @@ def test_recording_is_played_again_by_publish(server, program, tmp_path):
     assert crowd["agents"] == 50
 
 
+def test_stopped_server_writes_all_that_waits_and_what_agents_do(server, program, tmp_path):
+    process, url = server("--record", tmp_path / "runs", "--record-sync-ms", "0")
+    ids, at = np.arange(1, 3001), np.random.default_rng(2).uniform(0, 90, (3000, 2))
+    with throng.connect(url, "hall", queue_frames=60) as crowd:
+        for step in range(60):
+            motion = np.where(ids % 3 == 0, "sit" if step < 30 else "wave", "")
+            crowd.publish(t=step * 0.1, ids=ids, positions=at, motion=motion)
+        assert crowd.close(60.0), crowd.stats
+    process.terminate()
+    assert process.wait() == 0
+    [part] = (tmp_path / "runs").iterdir()
+    info = json.loads(program("throng", "info", part, "--json").stdout)
+    assert (info["frames"], info["motions"]) == (60, ["sit", "wave"])
+
+
 def test_recording_keeps_to_its_limit(server, tmp_path):
     process, url = server("--record", tmp_path / "runs", "--record-mib", "1")
     walk(url, 100, agents=4000, noise_m=0.05)

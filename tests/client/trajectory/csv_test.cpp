@@ -62,6 +62,78 @@ TEST_F(CsvTest, MoreThanSixtyFourMotionsAreLeftOutAndTold) {
   EXPECT_THAT(reading.info.notes, Contains(HasSubstr("6 motions left out")));
 }
 
+/// A table of `frames` moments with 4,000 agents each, longer than what is looked at ahead.
+std::string long_table(int frames) {
+  std::string text = "time_s,id,x_m,y_m\n";
+  for (int frame = 0; frame < frames; ++frame) {
+    for (int id = 3999; id >= 0; --id) {
+      text.append(std::to_string(frame)).append(",").append(std::to_string(id)).append(",1,2\n");
+    }
+  }
+  return text;
+}
+
+TEST_F(CsvTest, TableInOrderOfTimeIsGivenWhileItIsRead) {
+  ReadOptions streams;
+  streams.streams = true;
+  const std::string bad = write("bad.csv", long_table(40) + "40,1,1,oops\n");
+  expect_error(read_all(bad).status, {"bad.csv, line 160002", "oops"});
+  const auto reader = open(bad, streams);
+  ASSERT_TRUE(reader.ok()) << "the bad row is not read yet: " << reader.status();
+  EXPECT_DOUBLE_EQ((*reader)->info().fps, 1.0);
+  const Reading cut = read_all(bad, streams);
+  expect_error(cut.status, {"bad.csv, line 160002", "oops"});
+  EXPECT_GE(cut.frames.size(), 38U);
+
+  const std::string good = write("good.csv", long_table(40) + "45,1,1,2\n");
+  const Reading whole = read_all(good), streamed = read_all(good, streams);
+  ASSERT_TRUE(whole.status.ok() && streamed.status.ok()) << whole.status << streamed.status;
+  ASSERT_EQ(streamed.frames.size(), whole.frames.size());
+  for (std::size_t i = 0; i < whole.frames.size(); ++i) {
+    EXPECT_EQ(streamed.frames[i].time_us, whole.frames[i].time_us);
+    EXPECT_EQ(streamed.frames[i].ids, whole.frames[i].ids) << "in order of ids at " << i;
+  }
+}
+
+TEST_F(CsvTest, StreamedTableToleratesALittleDisorderAndTellsMore) {
+  ReadOptions streams;
+  streams.streams = true;
+  const std::string little = long_table(40) + "41,1,1,2\n40,2,1,2\n";
+  const Reading tolerated = read_all(write("little.csv", little), streams);
+  ASSERT_TRUE(tolerated.status.ok()) << tolerated.status;
+  EXPECT_THAT(tolerated.frames[40].ids, ElementsAre(2U));
+  const Reading much = read_all(write("much.csv", long_table(40) + "7,9000,1,2\n"), streams);
+  EXPECT_EQ(much.status.code(), absl::StatusCode::kOutOfRange);
+  EXPECT_THAT(std::string(much.status.message()), HasSubstr("much.csv, line 160002"));
+  // By agent from the beginning: it is sorted, as without streams.
+  std::string by_agent = "time_s,id,x_m,y_m\n";
+  for (int row = 0; row < 140'000; ++row) {
+    by_agent.append(std::to_string(row % 1000)).append(",").append(std::to_string(row / 1000));
+    by_agent.append(",1,2\n");
+  }
+  const Reading sorted = read_all(write("by_agent.csv", by_agent), streams);
+  ASSERT_TRUE(sorted.status.ok()) << sorted.status;
+  EXPECT_EQ(sorted.frames.size(), 1000U);
+  EXPECT_EQ(sorted.frames[0].ids.size(), 140U);
+}
+
+TEST_F(CsvTest, ReadingTellsHowFarItIsAndCanBeStopped) {
+  const std::string file = write("long.csv", long_table(40));
+  double last = 0.0;
+  int calls = 0;
+  ReadOptions options;
+  options.goes_on = [&](double share) {
+    EXPECT_GE(share, last);
+    last = share;
+    return ++calls < 2;
+  };
+  const Reading reading = read_all(file, options);
+  EXPECT_EQ(reading.status.code(), absl::StatusCode::kCancelled) << reading.status;
+  EXPECT_EQ(calls, 2);
+  EXPECT_GT(last, 0.5);
+  EXPECT_LE(last, 1.0);
+}
+
 TEST_F(CsvTest, DelimitersAndSpellingsOfOtherProgramsAreKnown) {
   for (const char* text :
        {"frame;id;x;y\n0;1;150;200\n", "Frame\tID\tX\tY\n0\t1\t150\t200\n",

@@ -106,6 +106,43 @@ TEST_F(RecordingTest, KeepsNames) {
   EXPECT_EQ((*reader)->agent_name(4), "");
 }
 
+TEST_F(RecordingTest, KeepsWhatAgentsDoAndWhoTheyWereChosenToBe) {
+  RecordingWriter writer(path(""), spec(), 1u << 30);
+  const std::uint64_t ids[] = {7, 8};
+  const std::int32_t characters[] = {3, -1};
+  const float position[] = {0.0F, 0.0F, 0.0F, 1.0F, 0.0F, 0.0F};
+  const std::string names[] = {"sit", "wave"}, others[] = {"wave", "phone"};
+  const std::uint8_t sits[] = {1, 0}, both[] = {2, 1}, nothing[] = {0, 0}, wrong[] = {3, 0};
+  writer.set_members(ids, {}, characters);
+  ASSERT_TRUE(writer.write(0, position, {}, {}).ok());
+  ASSERT_TRUE(writer.write(1, position, {}, {}, sits, names).ok());
+  ASSERT_TRUE(writer.write(2, position, {}, {}, sits, names).ok());
+  ASSERT_TRUE(writer.write(3, position, {}, {}, both, others).ok());
+  ASSERT_TRUE(writer.write(4, position, {}, {}, nothing, names).ok());
+  EXPECT_FALSE(writer.write(5, position, {}, {}, wrong, names).ok());
+  writer.set_members(std::span(ids).first(1), {});
+  ASSERT_TRUE(writer.write(6, std::span(position).first(3), {}, {}).ok());
+
+  const Reading reading = read_all(writer.path());
+  ASSERT_TRUE(reading.status.ok()) << reading.status;
+  EXPECT_THAT(reading.info.motion_names, ElementsAre("sit", "wave", "phone"));
+  ASSERT_EQ(reading.frames.size(), 6U);
+  EXPECT_TRUE(reading.frames[0].motion.empty());
+  EXPECT_THAT(reading.frames[1].motion, ElementsAre(1, 0));
+  EXPECT_THAT(reading.frames[2].motion, ElementsAre(1, 0));
+  EXPECT_THAT(reading.frames[3].motion, ElementsAre(3, 2));
+  EXPECT_THAT(reading.frames[4].motion, ElementsAre(0, 0));
+  EXPECT_TRUE(reading.frames[5].motion.empty()) << "others are there now";
+
+  const auto reader = open(writer.path());
+  ASSERT_TRUE(reader.ok()) << reader.status();
+  EXPECT_EQ((*reader)->agent_character(7), 3);
+  EXPECT_EQ((*reader)->agent_character(8), -1);
+  EXPECT_THAT(chosen_characters(**reader, reading.frames[1], 14), ElementsAre(3, -1));
+  EXPECT_THAT(chosen_characters(**reader, reading.frames[1], 3), ElementsAre()) << "a smaller cast";
+  test::survive_mutations(writer.path(), path("mutant.trec"), 300);
+}
+
 TEST_F(RecordingTest, CutAnywhereItGivesEveryCompleteFrame) {
   const std::string whole = bytes_of(recorded(8, 3));
   std::size_t frames_before = 0;

@@ -30,6 +30,8 @@ struct ProducerOptions {
   std::string walkable_area_wkt;                 // sent after each connect, unless empty
   // Name of an agent whose id is the hash of a string, or empty; asked when the membership changes.
   std::function<std::string(std::uint64_t)> agent_name;
+  // The server's cast member for an agent, -1: its id decides; asked likewise.
+  std::function<std::int32_t(std::uint64_t)> agent_character;
 };
 
 /// What agents do beside standing, walking and running by their speed.

@@ -76,17 +76,21 @@ class RecordingWriter {
   RecordingWriter(const RecordingWriter&) = delete;
   RecordingWriter& operator=(const RecordingWriter&) = delete;
 
-  /// The columns of all later frames: ids [A] and names [A] or none.
-  void set_members(std::span<const std::uint64_t> ids, std::span<const std::string> names);
+  /// The columns of all later frames: ids [A], names [A] or none, cast members [A] or none.
+  void set_members(std::span<const std::uint64_t> ids, std::span<const std::string> names,
+                   std::span<const std::int32_t> characters = {});
   /// The walkable area from now on.
   absl::Status set_walkable_area(const std::string& wkt);
   /// @param position_m   [3A] finite, within +-1e7
   /// @param heading_rad  [A] or empty; NaN: unknown
   /// @param channels     [channel][A] or empty
+  /// @param motion       [A] or empty; 0: by speed; k: motion_names[k - 1], at most 64 of 64 bytes
   /// ResourceExhausted when the disk is full, Unavailable when it cannot be written.
   absl::Status write(std::int64_t time_us, std::span<const float> position_m,
                      std::span<const float> heading_rad,
-                     std::span<const std::vector<float>> channels);
+                     std::span<const std::vector<float>> channels,
+                     std::span<const std::uint8_t> motion = {},
+                     std::span<const std::string> motion_names = {});
 
   /// Waits until what was written is on the disk.
   absl::Status sync();

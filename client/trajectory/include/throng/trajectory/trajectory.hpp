@@ -4,6 +4,7 @@
 #include <absl/status/statusor.h>
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -22,6 +23,12 @@ struct ReadOptions {
   // Rows held in memory while a file is sorted by time; more go to a temporary file in $TMPDIR,
   // else /var/tmp. Formats that are in order of time need one frame only.
   std::size_t memory_bytes = 128u << 20;
+  // A table that is in order of time so far is given while it is read, not at its end: Info is of
+  // its beginning, and a row that comes too late is OutOfRange. For who shows frames as they come.
+  bool streams = false;
+  // Called while a text is read to its end before the first frame, with the share that was read;
+  // false ends it with Cancelled.
+  std::function<bool(double share)> goes_on;
 };
 
 /// What is known of a file before its frames are read.
@@ -30,7 +37,7 @@ struct Info {
   double fps = 0.0;                        // nominal rate; 0 when times are irregular
   std::string walkable_area_wkt;           // empty if the file has none
   std::vector<std::string> channel_names;  // extra columns that become colour channels
-  std::vector<std::string> motion_names;   // what Frame::motion counts, at most 64
+  std::vector<std::string> motion_names;   // what Frame::motion counts, at most 64; may grow
   std::vector<std::string> notes;          // what was ignored or assumed, for the user
   std::optional<std::uint64_t> seed;       // of a recording: with an id, decided who it was
 };
@@ -61,7 +68,14 @@ class Reader {
   virtual std::int64_t frames_inserted() const { return 0; }
   /// The name of an agent whose id in the file is a string; empty for plain integers.
   virtual std::string agent_name(std::uint64_t id) const { return {}; }
+  /// The cast member that its producer chose for an agent; -1: none, its id decides.
+  virtual std::int32_t agent_character(std::uint64_t id) const { return -1; }
 };
+
+/// Cast members [A] that the producer of a frame's agents chose; -1, the id decides, also for those
+/// that a cast of `member_count` does not have. Empty: for all of them.
+std::vector<std::int32_t> chosen_characters(const Reader& reader, const Frame& frame,
+                                            std::size_t member_count);
 
 /// Opens a file, telling its format by content. NotFound; InvalidArgument with file, line and
 /// remedy.
