@@ -16,6 +16,20 @@
 
 namespace throng::client {
 
+namespace {
+
+/// A deadline that passed says nothing by itself.
+int give_up(const ViewCommand& view, const Connection& connection, const absl::Status& status) {
+  if (!absl::IsDeadlineExceeded(status)) return report("snapshot", status);
+  return report(
+      "snapshot",
+      absl::DeadlineExceededError(absl::StrCat(
+          "no picture of '", view.crowd, "' from ", connection.address(), " within ", view.wait_s,
+          " s (--wait); is a throng-server there, and the crowd published?")));
+}
+
+}  // namespace
+
 int run_snapshot(const SnapshotCommand& command) {
   const char* const kName = "snapshot";
   v1::GetPictureRequest request;
@@ -34,19 +48,21 @@ int run_snapshot(const SnapshotCommand& command) {
 
   const auto connection = Connection::open(command.view.common.connection);
   if (!connection.ok()) return report(kName, connection.status());
+  const auto deadline =
+      std::chrono::system_clock::now() +
+      std::chrono::milliseconds(static_cast<std::int64_t>(1000 * command.view.wait_s));
   const std::optional<CameraScript>& camera = command.view.camera;
   if (camera.has_value() && (camera->needs_site() || camera->moves())) {
     std::optional<std::int64_t> time_us;
     if (command.time_s.has_value()) time_us = request.scene_time_us();
-    const auto sight = sight_of(*connection, request.options(), time_us);
-    if (!sight.ok()) return report(kName, sight.status());
+    const auto sight = sight_of(*connection, request.options(), time_us, deadline);
+    if (interrupted() != 0) return 128 + interrupted();
+    if (!sight.ok()) return give_up(command.view, **connection, sight.status());
     aim(*camera, sight->time_us, sight->site, *request.mutable_options());
   }
   grpc::ClientContext context;
   context.set_wait_for_ready(true);
-  context.set_deadline(
-      std::chrono::system_clock::now() +
-      std::chrono::milliseconds(static_cast<std::int64_t>(1000 * command.view.wait_s)));
+  context.set_deadline(deadline);
   (*connection)->prepare(context);
   const OnInterrupt cancel([&context] { context.TryCancel(); });
   v1::GetPictureResponse response;
@@ -54,7 +70,7 @@ int run_snapshot(const SnapshotCommand& command) {
       v1::ViewService::NewStub((*connection)->channel())->GetPicture(&context, request, &response),
       **connection);
   if (interrupted() != 0) return 128 + interrupted();
-  if (!status.ok()) return report(kName, status);
+  if (!status.ok()) return give_up(command.view, **connection, status);
 
   const std::string& image = response.image();
   const absl::Status written = render::write_file(

@@ -54,7 +54,8 @@ v1::ViewOptions options_of(const ViewCommand& command) {
 }
 
 absl::StatusOr<Sight> sight_of(const std::shared_ptr<const Connection>& connection,
-                               v1::ViewOptions options, std::optional<std::int64_t> time_us) {
+                               v1::ViewOptions options, std::optional<std::int64_t> time_us,
+                               std::chrono::system_clock::time_point deadline) {
   options.set_overview(true);
   options.clear_camera();
   options.set_width_px(64);
@@ -63,7 +64,7 @@ absl::StatusOr<Sight> sight_of(const std::shared_ptr<const Connection>& connecti
     options.mutable_playback()->set_scene_time_us(*time_us);
     options.mutable_playback()->set_paused(true);
   }
-  ViewStream stream(connection, options);
+  ViewStream stream(connection, options, deadline);
   const OnInterrupt cancel([&stream] { stream.cancel(); });
   v1::StreamViewResponse frame;
   const bool any = stream.read(frame);

@@ -3,6 +3,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <chrono>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -19,13 +20,14 @@ namespace throng::client {
 /// What a viewer asks the server for; its camera as far as it knows it without the site.
 v1::ViewOptions options_of(const ViewCommand& command);
 
-/// What there is to see at a time of a crowd (none: now).
+/// What there is to see at a time of a crowd (none: now), told by `deadline`.
 struct Sight {
   std::int64_t time_us = 0;
   ScriptedSite site;
 };
 absl::StatusOr<Sight> sight_of(const std::shared_ptr<const Connection>& connection,
-                               v1::ViewOptions options, std::optional<std::int64_t> time_us);
+                               v1::ViewOptions options, std::optional<std::int64_t> time_us,
+                               std::chrono::system_clock::time_point deadline);
 
 /// Sets the camera of a script, whose picture has the size of `options`.
 void aim(const CameraScript& script, std::int64_t time_us, ScriptedSite site,

@@ -2,7 +2,9 @@
 
 #include <absl/status/status.h>
 
+#include <chrono>
 #include <memory>
+#include <optional>
 
 #include "throng/client/connection.hpp"
 
@@ -17,8 +19,9 @@ namespace throng::client {
 /// One call of StreamView. One thread reads, one (perhaps another) sends, any may cancel.
 class ViewStream {
  public:
-  /// Opens the stream; does not wait for the server.
-  ViewStream(std::shared_ptr<const Connection> connection, const v1::ViewOptions& options);
+  /// Opens the stream; does not wait for the server, unless all of it must end by `deadline`.
+  ViewStream(std::shared_ptr<const Connection> connection, const v1::ViewOptions& options,
+             std::optional<std::chrono::system_clock::time_point> deadline = std::nullopt);
   ~ViewStream();
   ViewStream(const ViewStream&) = delete;
   ViewStream& operator=(const ViewStream&) = delete;

@@ -1,6 +1,8 @@
+#include <absl/strings/str_cat.h>
 #include <gmock/gmock.h>
 #include <sys/wait.h>
 
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -182,6 +184,19 @@ TEST(CommandTest, PublishesRecordsAndLists) {
   EXPECT_THAT(crowds.out, HasSubstr("\"name\": \"walk\""));
   EXPECT_THAT(run("info" + at).out, HasSubstr("painter"));
   EXPECT_EQ(run("record --crowd absent --wait 0 -o " + folder.file("no.mp4") + at).code, kFailure);
+}
+
+TEST(CommandTest, SnapshotsWaitForTheServerWhateverTheirCamera) {
+  const TemporaryFolder folder;
+  for (const char* camera : {"overview", "top"}) {
+    const auto start = std::chrono::steady_clock::now();
+    const Outcome outcome =
+        run(absl::StrCat("snapshot --crowd x --wait 0.6 --server 127.0.0.1:1 -o ",
+                         folder.file("x.png"), " --camera ", camera));
+    EXPECT_EQ(outcome.code, kFailure) << camera << ": " << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr("throng-server")) << camera;
+    EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(500)) << camera;
+  }
 }
 
 TEST(CommandTest, DoctorAnswersWithOrWithoutAServerProgram) {
