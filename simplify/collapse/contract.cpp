@@ -27,6 +27,11 @@ constexpr std::uint32_t kToned = 256, kTonedShare = 4;
 constexpr glm::vec3 kColorPlaces[] = {
     {0.34F, 0.33F, 0.33F}, {0.6F, 0.2F, 0.2F},   {0.2F, 0.6F, 0.2F},  {0.2F, 0.2F, 0.6F},
     {0.45F, 0.45F, 0.1F},  {0.1F, 0.45F, 0.45F}, {0.45F, 0.1F, 0.45F}};
+// So many ways are tried from so many vertices on, with costs raised by up to this share.
+constexpr std::uint32_t kTries = 8, kTriesFrom = 112;
+constexpr float kNoise = 1.0F;
+// What a piece counts that vanishes as a whole: pictures are small, and it is missed.
+constexpr float kWhole = 3.0F;
 constexpr float kUnknown = -1.0e30F;
 
 struct Pair {
@@ -51,11 +56,20 @@ struct Patch {
   glm::vec3 mean() const { return area_m2 > 0.0F ? color / area_m2 : glm::vec3(0.5F); }
 };
 
+/// 0 to 1, by a seed and two points (SplitMix64's mixer).
+float chance(std::uint32_t seed, std::uint32_t a, std::uint32_t b) {
+  std::uint64_t x = (std::uint64_t{seed} << 48U) ^ (std::uint64_t{a} << 24U) ^ b;
+  x = (x ^ (x >> 30U)) * 0xbf58476d1ce4e5b9ULL;
+  x = (x ^ (x >> 27U)) * 0x94d049bb133111ebULL;
+  return static_cast<float>((x ^ (x >> 31U)) >> 40U) / 16777216.0F;
+}
+
 class Contraction {
  public:
   Contraction(float size_m, PoseCost& poses, const AttributeCost& attributes, Views& views,
-              float& error_m, WedgeMesh& mesh)
+              float& error_m, WedgeMesh& mesh, std::uint32_t seed = 0)
       : size_m_(size_m),
+        seed_(seed),
         poses_(poses),
         attributes_(attributes),
         views_(views),
@@ -66,19 +80,34 @@ class Contraction {
         patch_(mesh.surface().points.size()),
         is_dirty_(mesh.surface().points.size(), true) {}
 
-  void run(std::uint32_t coarsest_count, const std::function<void(float)>& on_progress) {
+  /// @param most_error  gives up where `error` is larger
+  void run(std::uint32_t coarsest_count, const std::function<void(float)>& on_progress,
+           float most_error = std::numeric_limits<float>::max()) {
     look();
     find_patches();
     find_pairs();
     const auto first = static_cast<float>(mesh_.alive_wedges() - coarsest_count);
-    for (int steps = 1; mesh_.alive_wedges() > coarsest_count && step(); ++steps) {
+    for (int steps = 1; mesh_.alive_wedges() > coarsest_count && error_ < most_error; ++steps) {
+      const auto before = static_cast<float>(mesh_.alive_wedges());
+      if (!step()) break;
       look();
+      // levels count by the ratio of their vertices
+      error_ += views_.error() * std::log(before / static_cast<float>(mesh_.alive_wedges()));
       if (on_progress && steps % 16 == 0 && mesh_.alive_wedges() > coarsest_count)
         on_progress(1.0F - static_cast<float>(mesh_.alive_wedges() - coarsest_count) / first);
     }
   }
 
+  /// Of the pictures, over the levels of `run`.
+  float error() const { return error_; }
+
  private:
+  /// What a pair costs in this variant.
+  float key(const Pair& pair) const {
+    if (seed_ == 0) return pair.key();
+    return pair.key() * (1.0F + kNoise * chance(seed_, pair.a, pair.b));
+  }
+
   bool is_toned() const {
     return mesh_.alive_wedges() <= toned_count(mesh_.surface().wedge_count());
   }
@@ -345,8 +374,8 @@ class Contraction {
       std::uint32_t wedges = 0;
       for (const std::uint32_t point : pieces_[piece]) wedges += mesh_.alive_wedges(point);
       for (const std::uint32_t index : list) is_removed_[index] = true;
-      const float limit = best.second * static_cast<float>(wedges);
-      const float cost = views_.change(drawn_, list, is_removed_, limit) /
+      const float limit = best.second / kWhole * static_cast<float>(wedges);
+      const float cost = kWhole * views_.change(drawn_, list, is_removed_, limit) /
                          static_cast<float>(std::max(1U, wedges));
       for (const std::uint32_t index : list) is_removed_[index] = false;
       if (cost < best.second) best = {piece, cost};
@@ -369,7 +398,7 @@ class Contraction {
     Pair* best = nullptr;
     float best_cost = std::numeric_limits<float>::max();
     order_.resize(pairs_.size());
-    for (std::size_t i = 0; i < pairs_.size(); ++i) order_[i] = {pairs_[i].key(), i};
+    for (std::size_t i = 0; i < pairs_.size(); ++i) order_[i] = {key(pairs_[i]), i};
     const std::size_t tries = std::min<std::size_t>(kMostTries, order_.size());
     std::partial_sort(order_.begin(), order_.begin() + static_cast<std::ptrdiff_t>(tries),
                       order_.end());
@@ -377,9 +406,9 @@ class Contraction {
       Pair& pair = pairs_[order_[i].second];
       if (order_[i].first >= best_cost) break;
       pair.seen = look_at(pair, best_cost / pair.won);
-      if (pair.key() < best_cost) {
+      if (key(pair) < best_cost) {
         best = &pair;
-        best_cost = pair.key();
+        best_cost = key(pair);
       }
     }
     const auto [piece, piece_cost] = cheapest_piece();
@@ -435,6 +464,8 @@ class Contraction {
   }
 
   float size_m_;
+  std::uint32_t seed_;  // 0: the cheapest is always chosen
+  float error_ = 0.0F;
   PoseCost& poses_;
   const AttributeCost& attributes_;
   Views& views_;
@@ -465,7 +496,25 @@ std::uint32_t toned_count(std::uint32_t wedge_count) {
 void contract(std::uint32_t coarsest_count, float size_m, PoseCost& poses,
               const AttributeCost& attributes, Views& views, float& error_m, WedgeMesh& mesh,
               const std::function<void(float)>& on_progress) {
-  Contraction(size_m, poses, attributes, views, error_m, mesh).run(coarsest_count, on_progress);
+  Contraction(size_m, poses, attributes, views, error_m, mesh)
+      .run(std::max(coarsest_count, std::min(kTriesFrom, mesh.alive_wedges())), on_progress);
+  const WedgeMesh first_mesh = mesh;
+  const PoseCost first_poses = poses;
+  const float first_error_m = error_m;
+  std::pair least{first_mesh.alive_wedges(), std::numeric_limits<float>::max()};
+  for (std::uint32_t i = 0; i < kTries && first_mesh.alive_wedges() > coarsest_count; ++i) {
+    // greedy choices lead into dead ends; others that are nearly as good lead elsewhere
+    WedgeMesh own_mesh = first_mesh;
+    PoseCost own_poses = first_poses;
+    float own_error_m = first_error_m;
+    Contraction own(size_m, own_poses, attributes, views, own_error_m, own_mesh, i);
+    own.run(coarsest_count, nullptr, least.second);
+    const std::pair result{std::max(coarsest_count, own_mesh.alive_wedges()), own.error()};
+    if (result >= least) continue;
+    least = result;
+    mesh = std::move(own_mesh);
+    error_m = own_error_m;
+  }
 }
 
 }  // namespace throng::simplify

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <optional>
 
 #include "simplify/collapse/pixels.hpp"
@@ -317,6 +318,13 @@ void Views::set(std::span<const Drawn> triangles, float thin_share, bool toned) 
       picture.error[i] = picture.weight[i] * difference(picture.now[i], picture.reference[i]);
     }
   }
+}
+
+float Views::error() const {
+  double sum = 0.0;
+  for (const Picture& picture : pictures_)
+    sum += std::accumulate(picture.error.begin(), picture.error.end(), 0.0);
+  return static_cast<float>(sum * pixel_m_ * pixel_m_ / static_cast<double>(pictures_.size()));
 }
 
 float Views::change(std::span<const Drawn> triangles, std::span<const std::uint32_t> changed,

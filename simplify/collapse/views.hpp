@@ -36,6 +36,9 @@ class Views {
   ///     as coarse levels have (render::CornerTones); else it shows the texture
   void set(std::span<const Drawn> triangles, float thin_share, bool toned);
 
+  /// Mean error over the pictures of what was set, in m^2 as for `change`.
+  float error() const;
+
   /// By how much the mean error over the pictures would grow, in m^2 on the picture plane (an area
   /// that differs by all there is in colour), if `triangles`, which differ from the ones that were
   /// set at `changed` only, were drawn. Gives up, with any value above it, beyond `limit`.

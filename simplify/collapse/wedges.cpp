@@ -14,7 +14,7 @@ int corner_of(const glm::uvec3& points, std::uint32_t point) {
 }  // namespace
 
 WedgeMesh::WedgeMesh(const Surface& surface)
-    : surface_(surface),
+    : surface_(&surface),
       points_(surface.triangles.size()),
       wedges_(surface.triangles),
       death_(surface.triangles.size(), kNoIndex),
@@ -63,11 +63,11 @@ std::uint32_t WedgeMesh::nearest_alive_wedge(std::uint32_t point, std::uint32_t 
   std::uint32_t nearest = kNoIndex;
   float least = std::numeric_limits<float>::max();
   for (const std::uint32_t candidate : point_wedges_[point]) {
-    const glm::vec2 uv = surface_.wedge_uv[candidate] - surface_.wedge_uv[wedge];
+    const glm::vec2 uv = surface_->wedge_uv[candidate] - surface_->wedge_uv[wedge];
     // the normal only decides between wedges at one place of the texture
     const float distance =
-        glm::dot(uv, uv) +
-        1.0e-4F * (1.0F - glm::dot(surface_.wedge_normal[candidate], surface_.wedge_normal[wedge]));
+        glm::dot(uv, uv) + 1.0e-4F * (1.0F - glm::dot(surface_->wedge_normal[candidate],
+                                                      surface_->wedge_normal[wedge]));
     if (distance < least) {
       least = distance;
       nearest = candidate;
@@ -133,7 +133,7 @@ void WedgeMesh::collapse(std::uint32_t a, std::uint32_t b, std::span<const std::
     removals_.push_back({wedge, target});
   }
   for (const std::uint32_t wedge : orphans) {
-    const std::uint32_t own = surface_.wedge_point[wedge];
+    const std::uint32_t own = surface_->wedge_point[wedge];
     removals_.push_back({wedge, nearest_alive_wedge(point_wedges_[own].empty() ? b : own, wedge)});
   }
   alive_wedges_ -= static_cast<std::uint32_t>(point_wedges_[a].size() + orphans.size());

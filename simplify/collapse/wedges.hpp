@@ -44,7 +44,7 @@ class WedgeMesh {
 
   explicit WedgeMesh(const Surface& surface);
 
-  const Surface& surface() const { return surface_; }
+  const Surface& surface() const { return *surface_; }
   const glm::uvec3& points(std::uint32_t triangle) const { return points_[triangle]; }
   const glm::uvec3& wedges(std::uint32_t triangle) const { return wedges_[triangle]; }
   bool is_alive(std::uint32_t triangle) const { return death_[triangle] == kNoIndex; }
@@ -83,7 +83,7 @@ class WedgeMesh {
   void kill(std::uint32_t triangle);
   std::uint32_t nearest_alive_wedge(std::uint32_t point, std::uint32_t wedge) const;
 
-  const Surface& surface_;
+  const Surface* surface_;
   std::vector<glm::uvec3> points_, wedges_;               // [T]
   std::vector<std::uint32_t> death_;                      // [T]
   std::vector<std::uint32_t> users_;                      // [C] alive triangles of a wedge
