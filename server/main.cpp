@@ -338,8 +338,9 @@ int main(int argc, char** argv) {
     door = *std::move(opened);
     std::printf("throng-server page at http://%s/\n", door->address().c_str());
   }
-  spdlog::info("event=ready compute={} rasterizer={} detail=\"{}\"", (*server)->loop().compute_name(),
-               (*server)->loop().raster_name(), (*server)->loop().raster_detail());
+  spdlog::info("event=ready compute={} rasterizer={} detail=\"{}\"",
+               (*server)->loop().compute_name(), (*server)->loop().raster_name(),
+               (*server)->loop().raster_detail());
   // The one line that scripts wait for.
   std::printf("throng-server ready on %s, cast of %zu, compute %s, raster %s\n",
               (*server)->address().c_str(), shared_cast->members.size(),
