@@ -31,6 +31,7 @@ using nlohmann::json;
 
 constexpr std::size_t kMostBytes = 256u << 20;
 constexpr std::size_t kMostTriangles = 2'000'000;
+constexpr double kLeastArea = 1e-12;  // m^2, twice a triangle's
 constexpr double kFarthestM = 1e7;
 constexpr int kDeepest = 64;
 constexpr std::size_t kMostNodes = 100'000;
@@ -467,6 +468,7 @@ class Site {
         triangle[k].place = places[corner];
         if (!uvs.empty()) triangle[k].uv = {uvs[2 * corner], uvs[2 * corner + 1]};
       }
+      if (!(double_area(triangle) > kLeastArea)) continue;  // a line or a point
       s = add_triangle(triangle, material, !uvs.empty());
       if (!s.ok()) return s;
     }
@@ -481,6 +483,10 @@ class Site {
     std::array<glm::dvec3, 3> corner;
     std::uint8_t color = 0;
   };
+
+  static double double_area(const std::array<Corner, 3>& t) {
+    return glm::length(glm::cross(t[1].place - t[0].place, t[2].place - t[0].place));
+  }
 
   /// Halves the longest edge until all are short, so that pieces can be culled one by one, and a
   /// textured triangle until what it shows is about one colour.
@@ -502,11 +508,11 @@ class Site {
       if (absl::Status s = add_triangle({a, middle, c}, material, has_uv); !s.ok()) return s;
       return add_triangle({middle, b, c}, material, has_uv);
     }
-    const double size = glm::length(glm::cross(b.place - a.place, c.place - a.place));
-    if (!(size > 1e-12)) return absl::OkStatus();  // a line or a point
-    if (triangles_.size() == kMostTriangles) {
+    // What came of slivers counts, too: one that is a kilometre long takes as long as a wall.
+    if (pieces_made_++ == kMostTriangles) {
       return wrong(absl::StrCat("it has over ", kMostTriangles, " triangles of at most 16 m"));
     }
+    if (!(double_area(t) > kLeastArea)) return absl::OkStatus();
     glm::dvec3 linear = material.factor;
     if (is_textured) linear *= material.texture->mean(a.uv, b.uv, c.uv);
     triangles_.push_back({{a.place, b.place, c.place}, palette_.index_of(linear)});
@@ -527,7 +533,7 @@ class Site {
   std::vector<Triangle> triangles_;
   SitePalette palette_;
   Pieces pieces_;
-  std::size_t visited_ = 0;
+  std::size_t visited_ = 0, pieces_made_ = 0;
 };
 
 }  // namespace
