@@ -6,7 +6,6 @@ Both run the program throng-render, which needs no screen and no GPU.
 from __future__ import annotations
 
 import base64
-import csv
 import html
 import json
 import os
@@ -15,14 +14,18 @@ import shutil
 import subprocess
 import tempfile
 from pathlib import Path
-from typing import IO, Any, Iterator, List, Mapping, Optional, Sequence, Tuple, Union
+from typing import IO, Any, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple, Union
 
 import numpy as np
+
+from throng import _recording
+from throng._ids import hash_id
 
 Source = Union[str, "os.PathLike[str]", Tuple[Any, Any], Mapping[str, Any]]
 Camera = Union[str, Mapping[str, Any]]
 
 _PROGRAM = "throng-render"
+_HEADINGS = ("heading", "heading_rad", "yaw")
 
 
 class RenderError(RuntimeError):
@@ -40,7 +43,9 @@ def frames(source: Source, *, size: Tuple[int, int] = (1280, 720), fps: float = 
     @param source       a trajectory file that throng-render reads; or `(times, positions)`: seconds [T]
                         and metres [T, A, 2 or 3], NaN where an agent is not there; or columns by name,
                         a mapping or a data frame: `id`, `x`, `y`, perhaps `z`, and `time` in seconds or
-                        `frame` with `source_fps`. Other columns of numbers are channels. What has such
+                        `frame` with `source_fps`; perhaps `heading` in radians (or `ori_x`, `ori_y`) and
+                        `motion` ("sit", "cheer" ...; "": by speed). Other columns of numbers are channels.
+                        Arrays go to the program as a recording, to a tenth of a millimetre. What has such
                         a frame as `data` and a `frame_rate`, as PedPy's trajectories do, is taken too.
     @param size         width and height, px.
     @param fps          pictures for each second of the trajectory.
@@ -148,7 +153,7 @@ def _command(folder: Path, output: str, source: Source, *, size: Tuple[int, int]
         if ids is not None:
             raise ValueError("ids: a file has its own")
     else:
-        file = str(folder / "source.csv")
+        file = str(folder / "source.trec")
         if isinstance(source, tuple):
             _write_dense(file, source, ids)
         else:
@@ -227,16 +232,29 @@ def _write_dense(file: str, source: Tuple[Any, Any], ids: Optional[Sequence[Any]
                          "[T, A, 2] or [T, A, 3]")
     if not np.isfinite(times).all():
         raise ValueError("source: times must be finite")
-    names = list(range(positions.shape[1])) if ids is None else list(ids)
-    if len(names) != positions.shape[1]:
-        raise ValueError(f"ids: {len(names)}, positions are of {positions.shape[1]} agents")
-    with open(file, "w", newline="") as out:
-        writer = csv.writer(out)
-        writer.writerow(["time", "id", "x", "y", "z"][:2 + positions.shape[2]])
-        for time, row in zip(times.tolist(), positions):
-            present = np.isfinite(row).all(axis=1)
-            writer.writerows((time, names[i], *place)
-                             for i, place in zip(np.flatnonzero(present).tolist(), row[present].tolist()))
+    given = list(range(positions.shape[1])) if ids is None else list(ids)
+    if len(given) != positions.shape[1]:
+        raise ValueError(f"ids: {len(given)}, positions are of {positions.shape[1]} agents")
+    agents, names = _agents(np.asarray(given))
+    if len(np.unique(agents)) != len(agents):
+        raise ValueError("ids: one is there twice")
+    if not times.size:
+        raise ValueError("source: has no moment")
+    times_us = np.rint(times * 1e6).astype(np.int64)
+    order = np.argsort(times_us, kind="stable")
+    if (np.diff(times_us[order]) == 0).any():
+        raise ValueError("source: two moments have the same time")
+    low, high = np.nanmin(positions, (0, 1), initial=np.inf), np.nanmax(positions, (0, 1), initial=-np.inf)
+    origin, reach = _origin(low, high)
+
+    def moments() -> Iterator[_recording.Moment]:
+        for t in order.tolist():
+            there = np.isfinite(positions[t]).all(axis=1)
+            places = np.zeros((int(there.sum()), 3))
+            places[:, :positions.shape[2]] = positions[t][there]
+            yield _recording.Moment(int(times_us[t]), agents[there], places, None, (), None)
+
+    _recording.write(file, moments(), (), names, origin, reach)
 
 
 def _write_columns(file: str, source: Mapping[str, Any], source_fps: Optional[float]) -> None:
@@ -255,14 +273,80 @@ def _write_columns(file: str, source: Mapping[str, Any], source_fps: Optional[fl
         if source_fps is None:
             raise ValueError("source: has frames and no times; give source_fps, frames per second")
         columns["time"] = np.asarray(columns["frame"], np.float64) / source_fps
-    kept = ["time", "id", "x", "y"] + [name for name in names
-                                       if name not in ("time", "frame", "id", "x", "y")
-                                       and columns[name].dtype.kind in "fiub"]
-    rows = {columns[name].shape for name in kept}
+    named = ("time", "frame", "id", "x", "y", "z", *_HEADINGS, "ori_x", "ori_y", "motion")
+    channels = [name for name in names if name not in named and columns[name].dtype.kind in "fiub"]
+    used = [name for name in names if name in named or name in channels]
+    rows = {columns[name].shape for name in ("time", *used)}
     if len(rows) != 1 or len(next(iter(rows))) != 1:
         raise ValueError("source: columns must all be [N], are "
-                         + ", ".join(f"{name} {columns[name].shape}" for name in kept))
-    with open(file, "w", newline="") as out:
-        writer = csv.writer(out)
-        writer.writerow(kept)
-        writer.writerows(zip(*(columns[name].tolist() for name in kept)))
+                         + ", ".join(f"{name} {columns[name].shape}" for name in ("time", *used)))
+    times = np.asarray(columns["time"], np.float64)
+    places = np.zeros((times.size, 3))
+    for axis, name in enumerate("xyz"):
+        if name in columns:
+            places[:, axis] = columns[name]
+    if not times.size:
+        raise ValueError("source: has no row")
+    if not (np.isfinite(times).all() and np.isfinite(places).all()):
+        raise ValueError("source: times and positions must be finite")
+    agents, agent_names = _agents(columns["id"])
+    headings = next((np.asarray(columns[name], np.float64) for name in _HEADINGS if name in columns), None)
+    if headings is None and "ori_x" in columns and "ori_y" in columns:
+        x, y = np.asarray(columns["ori_x"], np.float64), np.asarray(columns["ori_y"], np.float64)
+        headings = np.where((x == 0) & (y == 0), np.nan, np.arctan2(y, x))
+    motions = None
+    if "motion" in columns:
+        motions = ["" if name in (None, "0", "nan") else name
+                   for name in (None if one is None else str(one) for one in columns["motion"].tolist())]
+    values = [np.asarray(columns[name], np.float32) for name in channels]
+    times_us = np.rint(times * 1e6).astype(np.int64)
+    order = np.lexsort((agents, times_us))
+    same = (np.diff(times_us[order]) == 0) & (agents[order][1:] == agents[order][:-1])
+    if same.any():
+        row = order[1:][same][0]
+        raise ValueError(f"source: agent {columns['id'][row]} is there twice at time {times[row]:g}")
+    begins = np.flatnonzero(np.diff(times_us[order], prepend=times_us[order[0]] - 1))
+    usual_us = int(np.median(np.diff(times_us[order[begins]]))) if len(begins) > 1 else 0
+
+    def moments() -> Iterator[_recording.Moment]:
+        before: Optional[_recording.Moment] = None
+        for rows in np.split(order, begins[1:]):
+            now = _recording.Moment(int(times_us[rows[0]]), agents[rows], places[rows],
+                                    None if headings is None else headings[rows],
+                                    [value[rows] for value in values],
+                                    None if motions is None else [motions[row] for row in rows.tolist()])
+            # rows list no moment with nobody: everybody has left before others come
+            if (before is not None and now.time_us - before.time_us > 1.5 * usual_us
+                    and not np.isin(now.ids, before.ids).any()):
+                yield _recording.Moment(before.time_us + usual_us, agents[:0], places[:0], None,
+                                        [value[:0] for value in values], None)
+            before = now
+            yield now
+
+    origin, reach = _origin(places.min(axis=0), places.max(axis=0))
+    _recording.write(file, moments(), channels, agent_names, origin, reach)
+
+
+def _agents(given: np.ndarray) -> Tuple[np.ndarray, Dict[int, str]]:
+    """Ids as the wire has them, and the names of those that are text."""
+    if given.dtype.kind == "f" and (given == np.rint(given)).all():
+        given = given.astype(np.int64)
+    if given.dtype.kind in "iu" and (given.dtype.kind == "u" or (given >= 0).all()):
+        return given.astype(np.uint64), {}
+    texts = [str(one) for one in given.tolist()]
+    hashes = {text: int(text) if text.isdecimal() and int(text) < 1 << 64 else hash_id(text) for text in set(texts)}
+    names = {number: text for text, number in hashes.items() if not text.isdecimal()}
+    if len(set(hashes.values())) != len(hashes):
+        raise ValueError("ids: two names have the same hash, rename one")
+    return np.array([hashes[text] for text in texts], np.uint64), names
+
+
+def _origin(low: np.ndarray, high: np.ndarray) -> Tuple[np.ndarray, float]:
+    """A point of whole kilometres near the middle, where one is needed, and how far anything is from it."""
+    origin, reach = np.zeros(3), 0.0
+    for axis, (least, most) in enumerate(zip(low, high)):
+        if least <= most:
+            if axis < 2 and max(abs(least), abs(most)) > 1e4:
+                origin[axis] = 1000.0 * np.rint((least + most) / 2000.0)
+            reach = max(reach, most - origin[axis], origin[axis] - least)
+    return origin, reach

@@ -1,6 +1,8 @@
 """throng.render, throng.frames and throng.show with the program that is built."""
 
+import json
 import os
+import subprocess
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -8,6 +10,7 @@ import numpy as np
 import pytest
 
 import throng
+from throng import _viewing
 
 ROOT = Path(__file__).resolve().parents[3]
 BIN = Path(os.environ.get("THRONG_BIN", ROOT / "build/release/bin"))
@@ -64,6 +67,41 @@ def test_names_and_walls_and_channels_are_taken():
 
 
 @needs_program
+def test_arrays_are_read_as_they_were_given(tmp_path):
+    """Written as a recording and converted to rows by the program that reads it."""
+    place = np.array([[692000.12345, 5337000.5, 2.25], [692010.5, 5337001.25, -1.0]])
+    source = {"id": np.array(["ana", "bo", "ana"]), "time": np.array([2.0, 1.0, 1.0]), "x": place[[0, 1, 0], 0],
+              "y": place[[0, 1, 0], 1], "z": place[[0, 1, 0], 2], "heading": np.array([0.5, np.nan, -3.0]),
+              "mood": np.array([1.5, -2.5, np.nan]), "motion": np.array(["sit", "", "wave"]), "text": list("abc")}
+    path = str(tmp_path / "a.trec")
+    _viewing._write_columns(path, source, None)
+    info = json.loads(subprocess.run([BIN / "throng", "info", path, "--json"], capture_output=True, text=True,
+                                     check=True).stdout)
+    assert (info["format"], info["frames"], info["agents"]) == ("throng-recording", 2, 2)
+    assert (info["channels"], sorted(info["motions"])) == (["mood"], ["sit", "wave"])
+    subprocess.run([BIN / "throng", "convert", path, tmp_path / "a.csv", "--quiet"], check=True)
+    head, *rows = [line.split(",") for line in (tmp_path / "a.csv").read_text().splitlines() if line[0] != "#"]
+    rows = [dict(zip(head, row)) for row in rows]
+    assert sorted((float(row["time_s"]), row["id"]) for row in rows) == [(0, "ana"), (0, "bo"), (1, "ana")]
+    for row in rows:
+        at = place[int(row["id"] == "bo")]
+        assert abs(float(row["x_m"]) - at[0]) < 1e-4 and abs(float(row["y_m"]) - at[1]) < 1e-4
+        assert abs(float(row["z_m"]) - at[2]) < 1e-4
+    last = next(row for row in rows if row["time_s"].startswith("1"))
+    assert abs(float(last["heading_rad"]) - 0.5) < 1e-3 and float(last["mood"]) == 1.5
+
+
+@needs_program
+def test_a_moment_with_nobody_is_kept():
+    gone = POSITIONS.copy()
+    gone[2] = np.nan
+    pictures = throng.render((TIMES, gone), **{**SMALL, "fps": 4})
+    assert (pictures[2] != pictures[1]).any()
+    later = {name: column[(COLUMNS["time"] < 0.5) | (COLUMNS["time"] > 0.9)] for name, column in COLUMNS.items()}
+    assert throng.render(later, **SMALL).shape[0] == 3
+
+
+@needs_program
 def test_frames_come_one_at_a_time_and_nobody_waits_for_the_rest():
     iterator = throng.frames((np.array([0.0, 3600.0]), POSITIONS[:2]), **SMALL)
     assert next(iterator).shape == (90, 160, 3)
@@ -112,6 +150,13 @@ def test_what_throng_render_refuses_is_an_error_with_its_words(source, settings,
     ({"id": [1], "x": [1], "y": [2]}, {}, "'frame'"),
     ({"id": [1], "x": [1], "y": [2], "frame": [0]}, {}, "source_fps"),
     ({"id": [1], "x": [1, 2], "y": [2], "time": [0]}, {}, r"must all be \[N\]"),
+    ({"id": [1, 1], "x": [1, 2], "y": [2, 2], "time": [3, 3]}, {}, "agent 1 is there twice at time 3"),
+    ({"id": [1], "x": [np.inf], "y": [2], "time": [0]}, {}, "finite"),
+    ({"id": [], "x": [], "y": [], "time": []}, {}, "no row"),
+    ((TIMES[:0], POSITIONS[:0]), {}, "no moment"),
+    ((TIMES * 0, POSITIONS), {}, "same time"),
+    ((TIMES, POSITIONS), {"ids": [1, 2, 2, 3]}, "twice"),
+    ((TIMES, POSITIONS * 1e9), {}, "1e7"),
 ])
 def test_arrays_that_do_not_fit_are_named(source, settings, words):
     with pytest.raises(ValueError, match=words):
@@ -124,3 +169,18 @@ def test_a_missing_program_says_how_to_give_it(monkeypatch):
         throng.render((TIMES, POSITIONS))
     with pytest.raises(TypeError, match="neither a file"):
         throng.render(5)
+
+
+@needs_program
+def test_a_notebook_that_is_executed_shows_the_video():
+    """In a real kernel, as Jupyter runs it."""
+    nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(
+        "import throng, numpy as np\n"
+        "times = np.arange(4) / 4\n"
+        "throng.show((times, np.stack([[times, times]] * 3).transpose(2, 0, 1)), size=(160, 90), fps=2,\n"
+        f"            vertex_budget=20000, program={str(BIN / 'throng-render')!r})")])
+    nbclient.NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
+    [output] = notebook.cells[0].outputs
+    assert output.output_type == "execute_result"
+    assert 'src="data:video/mp4;base64,AAAA' in output.data["text/html"]
