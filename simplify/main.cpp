@@ -43,6 +43,11 @@ constexpr const char* kFooter = R"(Examples:
   throng-bake guest.glb host.glb -o cast            adds two characters to the folder
   throng-bake giant.glb --height 1.75 -o cast       scales to the height of a person
   throng-bake plain.glb --clips moves.glb -o cast   takes clips from another file
+  throng-bake a.glb --name guest -o cast --force    under another name, also where nothing changed
+  throng-bake big.glb -o cast --texture 1024 --coarsest 60 --jobs 4
+  throng-bake big.glb -o cast --criterion peng2011 --poses 12    how collapses are chosen
+  throng-bake big.glb -o cast --relief-texel 4      finer impostors; 0: none
+  throng-bake big.glb -o cast --relief-uniform 128  as published (Beacco 2010)
   throng-bake inspect cast                          counts, beside table 1 of Dong & Peng 2019
   throng-bake inspect cast/guest.throng --json
   throng-bake report cast -o report                 pictures and figures of every level
@@ -233,7 +238,8 @@ int main(int argc, char** argv) {
       "  throng-bake report cast -o report\n"
       "  throng-bake report cast -o report --characters guest,host --meshoptimizer "
       ".venv/bin/python\n"
-      "  throng-bake report cast -o report --peng2011 teacher --views 8 --poses 8 --json");
+      "  throng-bake report cast -o report --peng2011 teacher --views 8 --poses 8 --json\n"
+      "  throng-bake report cast -o report --attribute-weights 0.2 1 --jobs 4");
   throng::simplify::ReportOptions report_options;
   report_options.jobs = std::max(1U, std::thread::hardware_concurrency());
   report_options.python = "python3";

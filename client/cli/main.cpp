@@ -122,6 +122,7 @@ int main(int argc, char** argv) {
       "  throng info run.sqlite\n"
       "  throng convert run.sqlite run.csv\n"
       "  throng doctor\n"
+      "  throng --quiet --server grpcs://host:7447 --ca-file ca.pem --token-file token crowds\n"
       "Exit codes: 0 done, 1 failure, 2 usage, 3 bad input, 130 and 143 interrupted.");
 
   CLI::App* publish_app = app.add_subcommand("publish", "Play a trajectory file to a crowd");
@@ -130,7 +131,8 @@ int main(int argc, char** argv) {
       "  throng publish run.sqlite --crowd station --loop\n"
       "  throng publish walk.txt --crowd lab --source-fps 16 --source-unit cm --rate 2\n"
       "  throng publish city.csv --crowd city --wait 60 --take-over --seed 7\n"
-      "  throng publish postvis.traj --crowd hall --environment hall.scenario");
+      "  throng publish postvis.traj --crowd hall --environment hall.scenario\n"
+      "  throng publish hills.txt --crowd hills --format archive-text --z ground");
   publish_app->add_option("file", publish.file, "JuPedSim sqlite, archive text, CSV, ...")
       ->required();
   publish_app->add_option("--crowd", publish.crowd, "Name of the crowd")->required();
@@ -166,7 +168,9 @@ int main(int argc, char** argv) {
       "  throng record --crowd station -o station.mp4 --seconds 10 --fps 25\n"
       "  throng record --crowd station -o frames/####.jpg --camera \"0,-20,8:0,0,1\" --frames 30\n"
       "  throng record --crowd station -o speed.mp4 --channel speed --channel-range 0:2\n"
-      "  throng record --crowd station -o turn.mp4 --camera orbit --seconds 30\n" +
+      "  throng record --crowd station -o turn.mp4 --camera orbit --seconds 30\n"
+      "  throng record --crowd station -o fine.mp4 --size 1920x1080 --quality 95 "
+      "--vertex-budget 5000000 --wait 60\n" +
       std::string(CameraScript::kFileHelp));
 
   CLI::App* snapshot_app = app.add_subcommand("snapshot", "One picture of a crowd, now or earlier");
@@ -178,7 +182,9 @@ int main(int argc, char** argv) {
       "Examples:\n"
       "  throng snapshot --crowd station -o station.png --size 1920x1080\n"
       "  throng snapshot --crowd station -o then.jpg --time 12.5 --vertex-budget 3000000\n"
-      "  throng snapshot --crowd station -o plan.png --camera top");
+      "  throng snapshot --crowd station -o plan.png --camera top\n"
+      "  throng snapshot --crowd station -o speed.jpg --channel speed --channel-range 0:2 "
+      "--quality 95 --wait 60");
 
   CLI::App* watch_app = app.add_subcommand("watch", "One line a second about what a viewer gets");
   add_view(*watch_app, watch, watch_text);
@@ -186,7 +192,9 @@ int main(int argc, char** argv) {
   watch_app->footer(
       "Examples:\n"
       "  throng watch --crowd station\n"
-      "  throng watch --crowd station --size 1280x720 --seconds 10");
+      "  throng watch --crowd station --size 1280x720 --seconds 10\n"
+      "  throng watch --crowd station --camera top --fps 60 --quality 70 --vertex-budget 500000\n"
+      "  throng watch --crowd station --channel speed --channel-range 0:2 --wait 60");
   watch_app->add_option("--seconds", watch_seconds, "Length")->check(CLI::PositiveNumber);
 
   CLI::App* crowds_app = app.add_subcommand("crowds", "List the crowds of a server");
@@ -200,7 +208,8 @@ int main(int argc, char** argv) {
       "  throng info\n"
       "  throng info run.sqlite --json\n"
       "  throng info walk.txt --source-fps 16 --source-unit cm\n"
-      "  throng info circle.rvo --source-unit 0.2");
+      "  throng info circle.rvo --source-unit 0.2\n"
+      "  throng info hills.txt --format archive-text --z ground");
   info_app->add_option("file", info_file, "Trajectory file (none: ask the server)");
   info_app->add_flag("--json", info_json, "As JSON");
   add_reading(*info_app, info_read, info_unit, info_z);
@@ -221,7 +230,8 @@ int main(int argc, char** argv) {
       "Examples:\n"
       "  throng convert fcd.xml.gz walk.csv\n"
       "  throng convert walk.txt walk.sqlite --source-fps 16 --source-unit cm\n"
-      "  throng convert run.sqlite run.dat --to archive-text");
+      "  throng convert run.sqlite run.dat --to archive-text\n"
+      "  throng convert hills.txt hills.csv --format archive-text --z ground --fps 5");
 
   CLI::App* doctor_app =
       app.add_subcommand("doctor", "What this machine and the server can draw with");

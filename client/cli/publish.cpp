@@ -78,7 +78,7 @@ int run_publish(const PublishCommand& command) {
   trajectory::ReadOptions read = command.read;
   read.streams = true;
   read.goes_on = [&](double share) {
-    progress.show(absl::StrFormat("%s: sorting by time before the first frame, %.0f %% read",
+    progress.show(absl::StrFormat("%s: looking through it before the first frame, %.0f %% read",
                                   command.file, 100.0 * share));
     return interrupted() == 0;
   };

@@ -27,7 +27,9 @@ Examples:
   throng-view --crowd station --camera follow:17
   throng-view --view 'crowd=station&cam=1,2,0,15,-60,30&t=3.2&show=grid,time'
   throng-view --crowd station --screenshot station.png
-  throng-view --crowd station --script tour.txt --json
+  throng-view --crowd station --script tour.txt --json --patience 120
+  throng-view --server grpcs://host:7447 --ca-file ca.pem --token-file token
+  throng-view --crowd station --scale 1.5 --fps 60 --vertex-budget 2000000 --pictures shots
 
 A script has lines such as: wait frames>2, click 640 380, drag 100 100 300 120 right, wheel 3 640 380,
 key T, press W, release W, size 800 600, state out.jsonl, screenshot out.png.

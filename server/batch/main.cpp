@@ -50,6 +50,16 @@ constexpr const char* kFooter = R"(Examples:
   throng-render run.sqlite -o '{camera}.mp4' --camera overview --camera top --camera follow:17
   throng-render --synthetic 30000 --seed 7 -o crowd/####.png --frames 1-25
   throng-render run.sqlite -o '{pass}/####.png' --passes color,depth,id --boxes gt.txt
+  throng-render run.csv -o run.mp4 --channel speed --channel-range 0:2 --overlay time,legend --title "Exit B"
+  throng-render run.sqlite -o run.mp4 --fps 30 --cast mine --no-shadows --no-ground --quiet
+  throng-render run.sqlite -o out/####.jpg --jpeg-quality 80 --skip-existing --stats stats.jsonl
+  throng-render run.sqlite -o site.mp4 --environment site.glb --wall-height 2.5        (or --no-walls)
+  throng-render run.sqlite -o out/####.png --boxes gt.txt --box-extent whole
+  throng-render hills.txt -o hills.mp4 --format archive-text --z ground
+  throng-render run.sqlite -o paper.png --frames 1 --vertex-budget 5000000 --lod dong2019 --form mesh
+  throng-render --synthetic 100000 --synthetic-seconds 4 -o far.mp4 --far density --far-distance 60 --far-points 200000
+  throng-render run.sqlite -o run.mp4 --compute cuda --gpu 0 --gpu-memory-mib 8192     (on a GPU)
+  throng-render run.sqlite -o run.mp4 --raster visibility --threads 4
   throng-render run.sqlite -o - | ffmpeg -f image2pipe -c:v ppm -framerate 25 -i - walk.webm
 
 Exit codes: 0 all pictures written, 1 internal error, 2 usage, 3 bad input, 4 nothing to render with,

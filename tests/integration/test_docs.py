@@ -269,6 +269,13 @@ def test_command(command, place, request):
     EXPECTED.get(command, knows_its_options)(place, command, request)
 
 
+def test_every_command_of_a_block_is_run_by_a_test():
+    """What is only named within a sentence may be known by its options alone."""
+    shown = [line for block in blocks("sh") for line in block.replace("\\\n", " ").splitlines()]
+    words = [shlex.split(re.sub(r"(^|\s)#\s.*", "", line)) for line in shown]
+    assert [shlex.join(one) for one in words if one and shlex.join(w for w in one if w != "&") not in EXPECTED] == []
+
+
 def test_python_of_readme_publishes(place, station):
     [program] = [block for block in blocks("python") if "throng.connect" in block]
     program = program.replace("127.0.0.1:7447", station).replace('"station"', '"python"').replace("range(600)", "range(12)")
