@@ -80,21 +80,50 @@ Camera overview_camera(const glm::dvec3& low_world, const glm::dvec3& high_world
   const glm::dvec3 forward(0.0, std::cos(pitch_rad), -std::sin(pitch_rad));
   const glm::dvec3 right(1.0, 0.0, 0.0);
   const glm::dvec3 up = glm::cross(right, forward);
-  // far enough for each of the box's corners to be inside all four sides, with a margin of 6 %
-  double distance_m = 1.0;
-  for (int corner = 0; corner < 8; ++corner) {
-    const glm::dvec3 p =
-        glm::dvec3((corner & 1) != 0 ? high.x : low.x, (corner & 2) != 0 ? high.y : low.y,
-                   (corner & 4) != 0 ? high.z : low.z) -
-        center;
-    const double toward_m = glm::dot(p, forward);
-    const double need_y = 1.06 * std::abs(glm::dot(p, up)) / tan_y - toward_m;
-    const double need_x = 1.06 * std::abs(glm::dot(p, right)) / (tan_y * aspect) - toward_m;
-    distance_m = std::max({distance_m, need_x, need_y, camera.near_m * 2.0 - toward_m});
+  // As near as all corners are inside all four sides, with a margin of 6 %. A corner at (x, z) from
+  // the centre is inside for an eye at (e, -d) where |x - e| <= t (z + d), so d is at least half
+  // the sum of what both sides ask for. What is near takes more of the picture than what is far, so
+  // e is not the centre: it leaves as much on either side.
+  const double tan_side[2] = {tan_y * aspect / 1.06, tan_y / 1.06};
+  glm::dvec3 corners[8];  // right, up and forward
+  double distance_m = 3.0;
+  for (int c = 0; c < 8; ++c) {
+    const glm::dvec3 p = glm::dvec3((c & 1) != 0 ? high.x : low.x, (c & 2) != 0 ? high.y : low.y,
+                                    (c & 4) != 0 ? high.z : low.z) -
+                         center;
+    corners[c] = {glm::dot(p, right), glm::dot(p, up), glm::dot(p, forward)};
+    distance_m = std::max(distance_m, 2.0 * camera.near_m - corners[c].z);
   }
-  distance_m = std::max(distance_m, 3.0);
-  camera.target_world = center;
-  camera.eye_world = center - forward * distance_m;
+  for (int axis = 0; axis < 2; ++axis) {
+    double beyond = -1e300, before = -1e300;
+    for (const glm::dvec3& p : corners) {
+      beyond = std::max(beyond, p[axis] - tan_side[axis] * p.z);
+      before = std::max(before, -p[axis] - tan_side[axis] * p.z);
+    }
+    distance_m = std::max(distance_m, 0.5 * (beyond + before) / tan_side[axis]);
+  }
+  double shift_m[2];
+  for (int axis = 0; axis < 2; ++axis) {
+    double least = -1e300, most = 1e300;  // of e: where one side has all that is left
+    for (const glm::dvec3& p : corners) {
+      least = std::max(least, p[axis] - tan_side[axis] * (p.z + distance_m));
+      most = std::min(most, p[axis] + tan_side[axis] * (p.z + distance_m));
+    }
+    for (int i = 0; i < 40; ++i) {
+      shift_m[axis] = 0.5 * (least + most);
+      double low_side = 0.0, high_side = 0.0;  // of the picture, as far as corners reach
+      for (const glm::dvec3& p : corners) {
+        const double at = (p[axis] - shift_m[axis]) / (p.z + distance_m);
+        low_side = std::min(low_side, at);
+        high_side = std::max(high_side, at);
+      }
+      (high_side + low_side > 0.0 ? least : most) = shift_m[axis];
+    }
+  }
+  camera.eye_world = center + right * shift_m[0] + up * shift_m[1] - forward * distance_m;
+  // what one turns around lies as high as the box's middle
+  const double along_m = (camera.eye_world.z - center.z) / std::max(std::sin(pitch_rad), 1e-3);
+  camera.target_world = camera.eye_world + forward * (along_m > 1.0 ? along_m : distance_m);
   return camera;
 }
 

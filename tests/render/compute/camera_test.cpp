@@ -62,15 +62,23 @@ TEST(CameraTest, OverviewShowsAllCornersOfTheBox) {
     for (const double pitch_rad : {0.1, 0.6, 1.5}) {
       const glm::dvec3 low(1000, -40, 0), high(1100, 20, 2);
       const Camera camera = overview_camera(low, high, viewport, pitch_rad);
+      glm::vec2 least(1.0F), most(-1.0F);
       for (int c = 0; c < 8; ++c) {
         const glm::dvec3 corner((c & 1) != 0 ? high.x : low.x, (c & 2) != 0 ? high.y : low.y,
                                 (c & 4) != 0 ? high.z : low.z);
         const glm::vec4 clip = project(camera, viewport, corner);
+        least = glm::min(least, glm::vec2(clip) / clip.w);
+        most = glm::max(most, glm::vec2(clip) / clip.w);
         EXPECT_GT(clip.w, 0.0F);
         EXPECT_LE(std::abs(clip.x), clip.w);
         EXPECT_LE(std::abs(clip.y), clip.w);
         EXPECT_LE(clip.z, clip.w);
       }
+      // It fills the picture's width or its height, and leaves as much on either side.
+      EXPECT_NEAR(std::max(most.x - least.x, most.y - least.y), 2.0F / 1.06F, 0.01F);
+      EXPECT_NEAR(least.x, -most.x, 0.01F);
+      EXPECT_NEAR(least.y, -most.y, 0.01F);
+      EXPECT_NEAR(camera.target_world.z, 1.0, 1e-6);
     }
   }
 }
