@@ -100,8 +100,8 @@ struct FramePipeline::State {
     return *device;
   }
 
-  /// The members that an environment is drawn with. A new one is uploaded with the cast, and those
-  /// that nobody has any more leave it.
+  /// The members that an environment is drawn with. A new one is uploaded behind the cast, which
+  /// the processor's stages keep as it is, and those that nobody has any more leave it.
   absl::StatusOr<Surroundings> surroundings_of(
       const std::shared_ptr<const Environment>& environment) {
     if (environment == nullptr || environment->pieces.empty()) return Surroundings();
@@ -126,8 +126,14 @@ struct FramePipeline::State {
     // should one of the two fail, nothing is known to be where it was
     placed.clear();
     advanced = {};
-    if (absl::Status status = backend->upload(with_pieces); !status.ok()) return status;
-    if (absl::Status status = rasterizer->upload(with_pieces); !status.ok()) return status;
+    absl::Status status = backend->upload(with_pieces);
+    if (status.ok()) status = rasterizer->upload(with_pieces);
+    if (!status.ok()) {
+      // other crowds are drawn on
+      if (absl::Status back = backend->upload(cast); !back.ok()) return back;
+      if (absl::Status back = rasterizer->upload(cast); !back.ok()) return back;
+      return status;
+    }
     placed = std::move(kept);
     return placed.back().members;
   }

@@ -3,6 +3,7 @@
 #include <absl/strings/str_cat.h>
 
 #include <algorithm>
+#include <unordered_map>
 #include <utility>
 
 #include "render/compute/element/octahedral.hpp"
@@ -60,7 +61,15 @@ std::vector<element::JointMatrix> columns_of(std::span<const Affine> palette) {
   return result;
 }
 
-void order_joints(CharacterTable& table, std::uint32_t joint_count) {
+/// What the spans of a CharacterTable look into.
+struct CharacterColumns {
+  std::vector<TableVertex> vertex, point;
+  std::vector<element::JointMatrix> palette;
+  std::vector<std::uint32_t> joint_order, joint_count_at;
+  std::vector<LadderLevel> ladder;
+};
+
+void order_joints(CharacterColumns& table, std::uint32_t joint_count) {
   std::vector<bool> is_known(joint_count, false);
   table.joint_count_at.push_back(0);
   const auto add = [&](const TableVertex& vertex) {
@@ -89,12 +98,37 @@ std::vector<LadderLevel> make_ladder(const Character& character) {
   return ladder;
 }
 
+void fill_columns(const Character& character, CharacterTable& entry) {
+  auto columns = std::make_shared<CharacterColumns>();
+  columns->vertex = table_vertices(character);
+  columns->point = table_points(character);
+  columns->palette = columns_of(character.palette);
+  order_joints(*columns, character.joint_count());
+  columns->ladder = make_ladder(character);
+  entry.vertex = columns->vertex;
+  entry.point = columns->point;
+  entry.palette = columns->palette;
+  entry.joint_order = columns->joint_order;
+  entry.joint_count_at = columns->joint_count_at;
+  entry.ladder = columns->ladder;
+  entry.error = make_error_table(character);
+  entry.columns = std::move(columns);
+}
+
 }  // namespace
 
-absl::StatusOr<std::shared_ptr<const CastTable>> make_cast_table(std::shared_ptr<const Cast> cast) {
+absl::StatusOr<std::shared_ptr<const CastTable>> make_cast_table(std::shared_ptr<const Cast> cast,
+                                                                 const CastTable* before) {
   if (cast == nullptr) return absl::InvalidArgumentError("upload: the cast is missing");
   auto table = std::make_shared<CastTable>();
   const MotionGraph motions = motion_graph_of(*cast);
+  std::unordered_map<const void*, const CharacterTable*> known_columns;
+  if (before != nullptr) {
+    for (const CharacterTable& entry : before->characters) {
+      const void* storage = entry.character->storage.get();
+      if (storage != nullptr) known_columns.emplace(storage, &entry);
+    }
+  }
   for (std::size_t m = 0; m < cast->members.size(); ++m) {
     const Character& character = cast->members[m].character;
     const std::size_t joints = character.joint_count();
@@ -112,16 +146,29 @@ absl::StatusOr<std::shared_ptr<const CastTable>> make_cast_table(std::shared_ptr
     for (const glm::vec4& bounds : {character.bounds, character.gait_bounds}) {
       entry.reach_m = std::max(entry.reach_m, glm::length(glm::vec3(bounds)) + bounds.w);
     }
-    entry.vertex = table_vertices(character);
-    entry.point = table_points(character);
-    entry.palette = columns_of(character.palette);
-    order_joints(entry, character.joint_count());
-    entry.ladder = make_ladder(character);
-    entry.error = make_error_table(character);
+    const auto known = known_columns.find(character.storage.get());
+    if (known != known_columns.end() && same_columns(character, *known->second->character)) {
+      const CharacterTable& old = *known->second;
+      entry.vertex = old.vertex;
+      entry.point = old.point;
+      entry.palette = old.palette;
+      entry.joint_order = old.joint_order;
+      entry.joint_count_at = old.joint_count_at;
+      entry.ladder = old.ladder;
+      entry.error = old.error;
+      entry.columns = old.columns;
+    } else {
+      fill_columns(character, entry);
+    }
     table->most_joints = std::max(table->most_joints, character.joint_count());
     table->most_vertices = std::max(table->most_vertices, character.vertex_count());
   }
-  table->levels = make_levels(*cast);
+  if (before != nullptr && kept_members(*cast, *before->cast) > 0) {
+    table->levels = before->levels;
+    set_surroundings(*cast, table->levels);
+  } else {
+    table->levels = make_levels(*cast);
+  }
   table->cast = std::move(cast);
   return table;
 }

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "render/compute/cpu/error_table.hpp"
@@ -35,16 +36,18 @@ static_assert(sizeof(TableVertex) == 48);
 struct CharacterTable {
   const Character* character = nullptr;  // of the cast
   element::Gait gait;
-  float reach_m = 0.0F;                       // from the feet, whatever it does
-  std::vector<TableVertex> vertex;            // [C]
-  std::vector<element::JointMatrix> palette;  // [F][J]
-  std::vector<std::uint32_t> joint_order;     // joints by the first vertex that needs them
-  std::vector<std::uint32_t> joint_count_at;  // [C+1] how many of them n vertices need
+  float reach_m = 0.0F;                           // from the feet, whatever it does
+  std::span<const TableVertex> vertex;            // [C]
+  std::span<const element::JointMatrix> palette;  // [F][J]
+  std::span<const std::uint32_t> joint_order;     // joints by the first vertex that needs them
+  std::span<const std::uint32_t> joint_count_at;  // [C+1] how many of them n vertices need
   // Levels of detail a fifth apart, coarsest first: an instance starts at the next finer one, whose
   // corners are at most a few collapses away from its own.
-  std::vector<LadderLevel> ladder;
+  std::span<const LadderLevel> ladder;
   ErrorTable error;
-  std::vector<TableVertex> point;  // [P] Character::points as they are skinned
+  std::span<const TableVertex> point;  // [P] Character::points as they are skinned
+  std::shared_ptr<const void>
+      columns;  // what the spans look into; tables of the same cast share it
 };
 
 /// The cast on the processor.
@@ -57,6 +60,9 @@ struct CastTable {
 };
 
 /// InvalidArgument names the member and what it lacks.
-absl::StatusOr<std::shared_ptr<const CastTable>> make_cast_table(std::shared_ptr<const Cast> cast);
+/// @param before  null, or a table whose characters and surroundings are taken over where the cast
+///                has them too: only what is new is made
+absl::StatusOr<std::shared_ptr<const CastTable>> make_cast_table(std::shared_ptr<const Cast> cast,
+                                                                 const CastTable* before = nullptr);
 
 }  // namespace throng::render

@@ -54,7 +54,7 @@ class CpuBackend final : public ComputeBackend {
       : kernels_(kernels(level)), pool_(threads), scratch_(pool_.thread_count()) {}
 
   absl::Status upload(std::shared_ptr<const Cast> cast) override {
-    auto table = make_cast_table(std::move(cast));
+    auto table = make_cast_table(std::move(cast), this->cast().get());
     if (!table.ok()) return table.status();
     const std::lock_guard lock(mutex_);
     cast_ = *std::move(table);
@@ -144,7 +144,7 @@ class CpuBackend final : public ComputeBackend {
       if (selection.form == FormRule::kMixed && selection.mixed.specks) {
         const std::lock_guard lock(generate_mutex_);
         if (specks_ == nullptr || specks_->cast != own->instances->cast) {
-          specks_ = make_speck_table(own->instances->cast, machine(), scratch_);
+          specks_ = make_speck_table(own->instances->cast, machine(), scratch_, specks_.get());
         }
         own->speck_table = specks_;
       }

@@ -69,4 +69,35 @@ LevelTable make_levels(const Cast& cast) {
   return table;
 }
 
+bool same_columns(const Character& a, const Character& b) {
+  return a.storage != nullptr && a.storage == b.storage && a.position.data() == b.position.data() &&
+         a.triangle.data() == b.triangle.data() && a.palette.data() == b.palette.data() &&
+         a.base_color.texels.data() == b.base_color.texels.data() && a.relief == b.relief;
+}
+
+std::size_t kept_members(const Cast& cast, const Cast& before) {
+  const auto characters = [](const Cast& of) {
+    return static_cast<std::size_t>(
+        std::find_if(of.members.begin(), of.members.end(),
+                     [](const CastMember& member) { return member.environment; }) -
+        of.members.begin());
+  };
+  const std::size_t count = characters(cast);
+  if (count != characters(before)) return 0;
+  for (std::size_t m = 0; m < count; ++m) {
+    if (!same_columns(cast.members[m].character, before.members[m].character)) return 0;
+  }
+  return count;
+}
+
+void set_surroundings(const Cast& cast, LevelTable& levels) {
+  const auto characters = static_cast<std::size_t>(
+      std::count_if(cast.members.begin(), cast.members.end(),
+                    [](const CastMember& member) { return !member.environment; }));
+  levels.level_at.resize(characters);
+  levels.is_listed.resize(characters);
+  levels.level_at.resize(cast.members.size());
+  levels.is_listed.resize(cast.members.size(), false);
+}
+
 }  // namespace throng::render

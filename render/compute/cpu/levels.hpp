@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -35,6 +36,16 @@ inline constexpr std::uint32_t corner_of(std::uint32_t corners, int k) {
 }
 
 LevelTable make_levels(const Cast& cast);
+
+/// Whether two characters look into the same memory.
+bool same_columns(const Character& a, const Character& b);
+
+/// How many characters, all but the surroundings, `cast` has in common with `before`: all of them,
+/// or 0. What was made of them then holds.
+std::size_t kept_members(const Cast& cast, const Cast& before);
+
+/// Levels of the same characters with the surroundings of `cast`.
+void set_surroundings(const Cast& cast, LevelTable& levels);
 
 /// Vertex counts of a character's levels, finest first.
 std::vector<std::uint32_t> level_counts(const Character& character);

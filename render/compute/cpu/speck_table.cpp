@@ -204,7 +204,17 @@ void pose_points(const Kernels& kernels, const CharacterTable& table, std::uint3
 
 std::shared_ptr<const SpeckTable> make_speck_table(const std::shared_ptr<const CastTable>& cast,
                                                    Machine machine,
-                                                   std::vector<WorkerScratch>& scratch) {
+                                                   std::vector<WorkerScratch>& scratch,
+                                                   const SpeckTable* before) {
+  if (before != nullptr) {
+    if (const std::size_t kept = kept_members(*cast->cast, *before->cast->cast); kept > 0) {
+      auto same = std::make_shared<SpeckTable>(*before);
+      same->cast = cast;
+      same->has_images.resize(kept);
+      same->has_images.resize(cast->characters.size(), 0);
+      return same;
+    }
+  }
   auto table = std::make_shared<SpeckTable>();
   table->cast = cast;
   // surroundings have no points, and may be thousands: pictures end with the last who has them

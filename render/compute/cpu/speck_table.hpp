@@ -52,8 +52,10 @@ struct SpeckTable {
 static_assert(SpeckTable::first_slab(SpeckTable::kLevels) == SpeckTable::kSlabs);
 
 /// Takes about a hundred milliseconds for a cast of 14.
+/// @param before  null, or a table whose pictures hold where only the surroundings are others
 std::shared_ptr<const SpeckTable> make_speck_table(const std::shared_ptr<const CastTable>& cast,
                                                    Machine machine,
-                                                   std::vector<WorkerScratch>& scratch);
+                                                   std::vector<WorkerScratch>& scratch,
+                                                   const SpeckTable* before = nullptr);
 
 }  // namespace throng::render

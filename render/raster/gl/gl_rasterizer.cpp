@@ -11,6 +11,7 @@
 #include <span>
 #include <vector>
 
+#include "render/compute/cpu/levels.hpp"
 #include "render/compute/cpu/work_pool.hpp"
 #include "render/raster/element/tone.hpp"
 #include "render/raster/gl/cast_textures.hpp"
@@ -67,6 +68,17 @@ struct Target {
     *this = Target{};
   }
 };
+
+/// Whether what `upload` makes of one cast holds for another: the same characters, and surroundings
+/// with the same texture.
+bool shares_textures(const Cast& cast, const Cast& before) {
+  const std::size_t kept = kept_members(cast, before);
+  if (kept == 0 || kept == cast.members.size() || kept == before.members.size()) return false;
+  const Character &now = cast.members[kept].character, &then = before.members[kept].character;
+  return std::ranges::equal(now.base_color.texels, then.base_color.texels) &&
+         now.base_color.width_px == then.base_color.width_px && !now.triangle_flags.empty() &&
+         !then.triangle_flags.empty() && now.triangle_flags[0] == then.triangle_flags[0];
+}
 
 class GlRasterizer final : public Rasterizer {
  public:
@@ -190,6 +202,10 @@ class GlRasterizer final : public Rasterizer {
     if (members.size() > static_cast<std::size_t>(max_layers_)) {
       return absl::InvalidArgumentError(
           absl::StrCat("gl upload: ", members.size(), " characters, at most ", max_layers_));
+    }
+    if (cast_ != nullptr && shares_textures(*cast, *cast_)) {
+      cast_ = std::move(cast);
+      return absl::OkStatus();
     }
     BoundContext bound(*context_);
     if (!bound.status().ok()) return bound.status();

@@ -244,7 +244,10 @@ absl::Status VisibilityRasterizer::upload(std::shared_ptr<const Cast> cast) {
   if (cast == nullptr || cast->members.empty()) {
     return absl::InvalidArgumentError("visibility upload: the cast is empty");
   }
-  absl::StatusOr<TextureStore> store = make_textures(*cast);
+  // Of a cast that is here already only the surroundings are new.
+  const std::size_t kept = cast_ != nullptr ? kept_members(*cast, *cast_) : 0;
+  cast_ = nullptr;
+  absl::StatusOr<TextureStore> store = make_textures(*cast, std::move(textures_), kept);
   if (!store.ok()) return store.status();
   std::vector<std::uint8_t> double_sided;
   for (const CastMember& member : cast->members) {
@@ -253,7 +256,7 @@ absl::Status VisibilityRasterizer::upload(std::shared_ptr<const Cast> cast) {
     double_sided.push_back((flags & kTriangleDoubleSided) != 0);
   }
   try {
-    auto reliefs = make_relief_store(*cast);
+    auto reliefs = make_relief_store(*cast, std::move(reliefs_), kept);
     if (!reliefs.ok()) return reliefs.status();
     reliefs_ = *std::move(reliefs);
   } catch (const std::bad_alloc&) {
@@ -271,19 +274,26 @@ absl::Status VisibilityRasterizer::upload(std::shared_ptr<const Cast> cast) {
                         info.base_width, info.base_height, info.base_levels});
   }
   double_sided_ = std::move(double_sided);
-  levels_ = make_levels(*cast);
-  tones_ = make_tones(*cast, levels_, textures_);
-  uv_.clear();
-  first_uv_.clear();
-  for (const CastMember& member : cast->members) {
+  if (kept > 0) {
+    set_surroundings(*cast, levels_);
+  } else {
+    levels_ = make_levels(*cast);
+    tones_ = make_tones(*cast, levels_, textures_);
+  }
+  const auto cut = [kept](std::vector<std::uint32_t>& first, std::vector<std::uint32_t>& values) {
+    if (kept < first.size()) values.resize(first[kept]);
+    first.resize(std::min(kept, first.size()));
+  };
+  const std::span new_members = std::span(cast->members).subspan(kept);
+  cut(first_uv_, uv_);
+  for (const CastMember& member : new_members) {
     first_uv_.push_back(static_cast<std::uint32_t>(uv_.size()));
     for (const glm::u16vec2& uv : member.character.uv) {
       uv_.push_back(std::uint32_t{uv.x} | std::uint32_t{uv.y} << 16);
     }
   }
-  corner_tones_.clear();
-  first_tone_.clear();
-  for (const CastMember& member : cast->members) {
+  cut(first_tone_, corner_tones_);
+  for (const CastMember& member : new_members) {
     first_tone_.push_back(static_cast<std::uint32_t>(corner_tones_.size()));
     const std::span<const std::uint32_t> tone = member.character.corner_tones.tone;
     corner_tones_.insert(corner_tones_.end(), tone.begin(), tone.end());

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "render/raster/element/color.hpp"
 
@@ -34,13 +35,14 @@ glm::vec3 unpack_normal(std::uint32_t shape) {
 
 }  // namespace
 
-absl::StatusOr<ReliefStore> make_relief_store(const Cast& cast) {
-  ReliefStore store;
+absl::StatusOr<ReliefStore> make_relief_store(const Cast& cast, ReliefStore store,
+                                              std::size_t kept) {
+  store.members.resize(kept);
   float linear[256];
   for (int i = 0; i < 256; ++i) {
     linear[i] = element::linear_from_srgb(static_cast<float>(i) / 255.0F);
   }
-  for (const CastMember& member : cast.members) {
+  for (const CastMember& member : std::span(cast.members).subspan(kept)) {
     ReliefStore::Member& own = store.members.emplace_back();
     const Relief* relief = member.character.relief.get();
     if (relief == nullptr) continue;

@@ -24,7 +24,10 @@ struct ReliefStore {
 };
 
 /// ResourceExhausted beyond 2^31 texels.
-absl::StatusOr<ReliefStore> make_relief_store(const Cast& cast);
+/// @param store  of a cast whose first `kept` members are those of this one and who alone had
+///               impostors: theirs are kept
+absl::StatusOr<ReliefStore> make_relief_store(const Cast& cast, ReliefStore store = {},
+                                              std::size_t kept = 0);
 
 /// The rays of one frame by samples, and what depth they have t along them:
 /// (z0 + z1 t) / (w0 + w1 t).

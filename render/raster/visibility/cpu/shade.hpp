@@ -39,7 +39,9 @@ struct TextureStore {
 };
 
 /// InvalidArgument for a texture that is smaller than it says, ResourceExhausted.
-absl::StatusOr<TextureStore> make_textures(const Cast& cast);
+/// @param store  of a cast whose first `kept` members are those of this one: theirs are kept
+absl::StatusOr<TextureStore> make_textures(const Cast& cast, TextureStore store = {},
+                                           std::size_t kept = 0);
 
 TextureLevels levels_of(const TextureInfo& info);
 

@@ -32,16 +32,31 @@ TextureLevels levels_of(const TextureInfo& info) {
   return levels;
 }
 
-absl::StatusOr<TextureStore> make_textures(const Cast& cast) {
-  TextureStore store;
+absl::StatusOr<TextureStore> make_textures(const Cast& cast, TextureStore store, std::size_t kept) {
   try {
+    constexpr std::size_t kRoom = 1u << 18;  // for surroundings, so that the cast isn't copied
+    if (kept == 0) {
+      store = {};
+      std::size_t bytes = 0;
+      for (const CastMember& member : cast.members) {
+        bytes +=
+            member.character.base_color.texels.size() + member.character.tint_mask.texels.size();
+      }
+      store.texels.reserve(bytes / 4 + kRoom);
+    } else {
+      store.texels.resize(store.infos.size() > kept
+                              ? static_cast<std::size_t>(store.infos[kept].base_first)
+                              : store.texels.size() - 1);
+      store.infos.resize(kept);
+      store.levels.resize(kept);
+    }
     const auto append = [&store](const MipImage& image) {
       const std::size_t first = store.texels.size();
       store.texels.resize(first + image.texels.size() / 4);
       std::memcpy(store.texels.data() + first, image.texels.data(), image.texels.size() / 4 * 4);
       return first;
     };
-    for (const CastMember& member : cast.members) {
+    for (const CastMember& member : std::span(cast.members).subspan(kept)) {
       const Character& character = member.character;
       for (const MipImage* image : {&character.base_color, &character.tint_mask}) {
         std::uint64_t texels = 0;
