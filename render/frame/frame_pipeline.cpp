@@ -8,6 +8,7 @@
 
 #include "render/frame/faster_rasterizer.hpp"
 #include "render/frame/passes.hpp"
+#include "render/frame/shrink.hpp"
 #include "throng/render/environment.hpp"
 #include "throng/render/far_crowd.hpp"
 #include "throng/render/frame.hpp"
@@ -60,6 +61,8 @@ struct FramePipeline::State {
   BackendKind backend_kind = BackendKind::kCpu;
   std::unique_ptr<FarCrowd> far;  // made when it is first asked for
   std::vector<Splat> splats;      // of a frame with a far crowd
+  Picture large;                  // of a frame that is oversampled
+  std::unique_ptr<WorkPool> pool;
 
   // What was uploaded last. Views that look at one crowd ask for the same two snapshots, and the
   // newer one of this frame is the older one of the next, so a few entries are enough; the snapshot
@@ -247,6 +250,13 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
                                    const ViewSettings& settings, Picture& picture,
                                    FrameStats& stats, FramePasses* passes) {
   State& state = *state_;
+  if (settings.oversampling > 2 || (settings.oversampling == 2 && passes != nullptr)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("render: oversampling is ", settings.oversampling,
+                     ", must be 1 or 2, and 1 where passes are asked for"));
+  }
+  if (settings.oversampling == 2)
+    return render_large(crowd, scene_time_us, settings, picture, stats);
   stats = {};
   stats.scene_time_us = scene_time_us;
   StageClock clock(stats, state.measure_cpu_times);
@@ -317,6 +327,31 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
   if (!status.ok()) return status;
   fill_passes(state.facts, geometry, state.shown_at(*instances), settings,
               crowd.settings().origin_world, *passes);
+  return absl::OkStatus();
+}
+
+absl::Status FramePipeline::render_large(const Crowd& crowd, std::int64_t scene_time_us,
+                                         const ViewSettings& settings, Picture& picture,
+                                         FrameStats& stats) {
+  State& state = *state_;
+  ViewSettings large = settings;
+  large.oversampling = 1;
+  large.viewport = {2 * settings.viewport.width_px, 2 * settings.viewport.height_px};
+  Selection& selection = large.selection;
+  selection.mixed.error_px *= 2.0F;
+  selection.mixed.least_px *= 2.0F;
+  selection.mixed.least_error_px *= 2.0F;
+  selection.mixed.most_error_px *= 2.0F;
+  selection.pose_error_px *= 2.0F;
+  selection.point_size_px *= 2.0F;
+  if (absl::Status status = render(crowd, scene_time_us, large, state.large, stats); !status.ok()) {
+    return status;
+  }
+  stats.counters.error_px *= 0.5F;
+  StageClock clock(stats, state.measure_cpu_times);
+  if (state.pool == nullptr) state.pool = std::make_unique<WorkPool>(state.threads);
+  shrink(state.large, *state.pool, picture);
+  clock.stop(&StageTimes::raster_ms);
   return absl::OkStatus();
 }
 

@@ -110,7 +110,10 @@ void deal_by_error(CpuView& view, const Selection& selection, WorkPool& pool) {
     }
     low = high;
   }
-  view.effective_budget = std::max(selection.vertex_budget, sum_with(low));
+  // where a time was asked for, the error that keeps it is the budget
+  const std::uint64_t asked = sum_with(low);
+  view.effective_budget =
+      selection.mixed.budget_ms > 0.0 ? asked : std::max(selection.vertex_budget, asked);
   pool.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v) {
       VisibleInstance& instance = view.visible[v];

@@ -264,6 +264,13 @@ int run(int argc, char** argv) {
       ->capture_default_str()
       ->check(CLI::Range(0.001, 100.0))
       ->type_name("E,E,...");
+  mixed
+      ->add_option("--oversampling", flags.mixed.oversampling,
+                   "Pixels drawn for each of the picture's, along a side: 1, 2 or both")
+      ->delimiter(',')
+      ->capture_default_str()
+      ->check(CLI::Range(1U, 2U))
+      ->type_name("K,K");
   mixed->add_option("--frames", flags.mixed.frames, "Places of the walkthrough, 2 frames each")
       ->capture_default_str()
       ->check(CLI::Range(1U, 500U));

@@ -24,12 +24,14 @@ bool passes(const Judged& way) {
 
 constexpr const char* kPlaces[] = {"walkthrough", "street", "above"};
 
-std::vector<Judged> ways_of(const MixedOptions& options, std::uint32_t agents) {
-  std::vector<Judged> ways;
+void add_ways(const MixedOptions& options, std::uint32_t agents, std::uint32_t oversampling,
+              std::vector<Judged>& ways) {
   const auto add = [&](std::string name, Form form, std::uint64_t budget) {
+    if (oversampling > 1) absl::StrAppend(&name, ", 2x2");
     ways.push_back({form, std::move(name), budget, {}, {}});
   };
   Form form = kFused;
+  form.oversampling = oversampling;
   for (const double budget : options.budgets_million) {
     add(absl::StrFormat("mesh, N = %g M", budget), form, static_cast<std::uint64_t>(budget * 1e6));
   }
@@ -49,7 +51,6 @@ std::vector<Judged> ways_of(const MixedOptions& options, std::uint32_t agents) {
     form.error_px = static_cast<float>(error_px);
     add(absl::StrFormat("mixed, %g px", error_px), form, kAll);
   }
-  return ways;
 }
 
 /// The cheapest that passes, or null.
@@ -79,7 +80,10 @@ absl::Status run_mixed(const Common& common, const MixedOptions& options) {
     const std::string where = kPlaces[static_cast<std::size_t>(place)];
     Series single{where + ", one form", {}, {}}, mixed{where + ", mixed", {}, {}};
     for (const std::uint32_t agents : options.counts) {
-      std::vector<Judged> ways = ways_of(options, agents);
+      std::vector<Judged> ways;
+      for (const std::uint32_t oversampling : options.oversampling) {
+        add_ways(options, agents, oversampling, ways);
+      }
       Places places;
       places.agents = agents;
       places.place = place;

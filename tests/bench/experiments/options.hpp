@@ -29,6 +29,7 @@ struct Form {
   render::FormRule rule = render::FormRule::kMesh;
   float error_px = 0.5F;   // of kMixed
   float point_px = 1.25F;  // of kPoints
+  std::uint32_t oversampling = 1;
 };
 /// The published method: each agent in its own pose, all of them in one batched buffer.
 inline constexpr Form kBatched{"batched, exact", render::GeometryKind::kBatched,
@@ -86,8 +87,9 @@ struct MixedOptions {
   std::uint32_t repeats = 3;  // of each frame; its time is the least
   std::vector<double> budgets_million{0.5, 1, 2, 4};
   std::vector<double> errors_px{0.15, 0.25, 0.35, 0.5};
-  std::uint32_t frames = 2;  // of the walkthrough, two consecutive ones each
-  std::string pictures;      // folder, empty: none
+  std::vector<std::uint32_t> oversampling{1, 2};  // of every form
+  std::uint32_t frames = 2;                       // of the walkthrough, two consecutive ones each
+  std::string pictures;                           // folder, empty: none
 };
 
 struct QualityOptions {

@@ -262,6 +262,7 @@ absl::Status judge_places(const Common& common, const Places& places, std::vecto
         view.selection.form = ways[w].form.rule;
         view.selection.mixed.error_px = ways[w].form.error_px;
         view.selection.point_size_px = ways[w].form.point_px;
+        view.oversampling = ways[w].form.oversampling;
         render::FramePipeline& pipeline = *pipelines[ways[w].form.geometry];
         std::optional<Measured> least;
         for (std::uint32_t k = std::max(places.repeats, 1U); k-- > 0;) {

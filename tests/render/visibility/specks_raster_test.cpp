@@ -80,6 +80,45 @@ TEST(SpecksRasterTest, CoverAndColourAsMeshesDo) {
   }
 }
 
+TEST(OversamplingTest, ShowsTheMeanOfFourPixels) {
+  const auto cast = cast_with_points();
+  const auto crowd = square(cast, 8);
+  auto pipeline = FramePipeline::make(cast, {.raster = RasterKind::kVisibility, .threads = 2});
+  ASSERT_TRUE(pipeline.ok()) << pipeline.status();
+  ViewSettings view;
+  view.camera.eye_world = {0.0, -12.0, 6.0};
+  view.camera.target_world = {0.0, 0.0, 1.0};
+  view.viewport = {101, 67};
+  view.oversampling = 2;
+  Picture small, large;
+  FrameStats stats;
+  ASSERT_TRUE((*pipeline)->render(*crowd, 0, view, small, stats).ok());
+  ASSERT_EQ(small.rgbx.size(), 4U * 101 * 67);
+  view.oversampling = 1;
+  view.viewport = {202, 134};
+  view.selection.pose_error_px *= 2.0F;
+  ASSERT_TRUE((*pipeline)->render(*crowd, 0, view, large, stats).ok());
+  const auto linear = [](std::uint8_t code) {
+    const double v = code / 255.0;
+    return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
+  };
+  for (std::size_t y = 0; y < 67; ++y) {
+    for (std::size_t x = 0; x < 101; ++x) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        const std::size_t at = 4 * (2 * y * 202 + 2 * x) + c, below = at + std::size_t{4} * 202;
+        const double mean = 0.25 * (linear(large.rgbx[at]) + linear(large.rgbx[at + 4]) +
+                                    linear(large.rgbx[below]) + linear(large.rgbx[below + 4]));
+        const double srgb =
+            mean <= 0.0031308 ? 12.92 * mean : 1.055 * std::pow(mean, 1.0 / 2.4) - 0.055;
+        ASSERT_NEAR(small.rgbx[4 * (y * 101 + x) + c], 255.0 * srgb, 0.6);
+      }
+    }
+  }
+  view.oversampling = 3;
+  EXPECT_EQ((*pipeline)->render(*crowd, 0, view, large, stats).code(),
+            absl::StatusCode::kInvalidArgument);
+}
+
 TEST(SpecksRasterTest, AnyNumberOfThreadsDrawsTheSame) {
   const auto cast = cast_with_points();
   const auto crowd = square(cast, 40);

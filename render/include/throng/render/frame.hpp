@@ -38,6 +38,9 @@ struct ViewSettings {
   // drawn one by one
   FarSettings far;
   int channel = -1;  // index of the channel that colours the agents
+  // Pixels drawn for each one of the picture, along a side: 1, or 2 for means of four (16 samples
+  // of coverage in place of 4). Sizes and errors of `selection` are of the picture's pixels.
+  std::uint32_t oversampling = 1;
 };
 
 /// Someone, or a piece of what stands around, who may be in a picture.
@@ -86,6 +89,8 @@ class FramePipeline {
 
  private:
   FramePipeline();
+  absl::Status render_large(const Crowd& crowd, std::int64_t scene_time_us,
+                            const ViewSettings& settings, Picture& picture, FrameStats& stats);
   struct State;
   std::unique_ptr<State> state_;
 };
