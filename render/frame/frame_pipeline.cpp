@@ -45,24 +45,11 @@ class StageClock {
   double last_cpu_ms_;
 };
 
-}  // namespace
-
-struct FramePipeline::State {
-  std::shared_ptr<const Cast> cast;
+/// A backend with what was uploaded to it and its view.
+struct Compute {
+  BackendKind kind = BackendKind::kCpu;
   std::unique_ptr<ComputeBackend> backend;
-  std::unique_ptr<Rasterizer> rasterizer;
   std::unique_ptr<ViewWork> view;
-  PixelFacts facts;
-  std::string backend_name;
-  std::string why;  // this rasterizer
-  GeometryKind geometry = GeometryKind::kBatched;
-  bool measure_cpu_times = false;
-  unsigned threads = 0;
-  BackendKind backend_kind = BackendKind::kCpu;
-  std::unique_ptr<FarCrowd> far;  // made when it is first asked for
-  std::vector<Splat> splats;      // of a frame with a far crowd
-  Picture large;                  // of a frame that is oversampled
-  std::unique_ptr<WorkPool> pool;
 
   // What was uploaded last. Views that look at one crowd ask for the same two snapshots, and the
   // newer one of this frame is the older one of the next, so a few entries are enough; the snapshot
@@ -73,13 +60,6 @@ struct FramePipeline::State {
   };
   std::array<Uploaded, 8> uploads;
   std::size_t next_upload = 0;
-
-  // Environments whose pieces follow the characters in the uploaded cast.
-  struct Placed {
-    std::weak_ptr<const Environment> environment;
-    Surroundings members;
-  };
-  std::vector<Placed> placed;
 
   struct Advanced {
     std::shared_ptr<const Snapshot> older, newer;
@@ -103,6 +83,60 @@ struct FramePipeline::State {
     return *device;
   }
 
+  static absl::StatusOr<std::unique_ptr<Compute>> make(BackendKind kind, unsigned threads) {
+    auto compute = std::make_unique<Compute>();
+    compute->kind = kind;
+    auto backend = make_backend(kind, threads);
+    if (!backend.ok()) return backend.status();
+    compute->backend = *std::move(backend);
+    return compute;
+  }
+  absl::Status begin(const std::shared_ptr<const Cast>& cast) {
+    if (absl::Status status = backend->upload(cast); !status.ok()) return status;
+    auto made = backend->make_view();
+    if (!made.ok()) return made.status();
+    view = *std::move(made);
+    return absl::OkStatus();
+  }
+};
+
+}  // namespace
+
+struct FramePipeline::State {
+  std::shared_ptr<const Cast> cast;
+  std::shared_ptr<const Cast> with_pieces;  // what is uploaded: the cast and what stands around
+  std::unique_ptr<Compute> main;
+  // of impostors and points where `main` makes meshes only; made when they are first asked for
+  std::unique_ptr<Compute> forms;
+  std::unique_ptr<Rasterizer> rasterizer;
+  PixelFacts facts;
+  std::string backend_name;
+  std::string why;  // this rasterizer
+  GeometryKind geometry = GeometryKind::kBatched;
+  bool measure_cpu_times = false;
+  unsigned threads = 0;
+  std::unique_ptr<FarCrowd> far;  // made when it is first asked for
+  std::vector<Splat> splats;      // of a frame with a far crowd
+  Picture large;                  // of a frame that is oversampled
+  std::unique_ptr<WorkPool> pool;
+
+  // Environments whose pieces follow the characters in the uploaded cast.
+  struct Placed {
+    std::weak_ptr<const Environment> environment;
+    Surroundings members;
+  };
+  std::vector<Placed> placed;
+
+  absl::Status upload_to_all(const std::shared_ptr<const Cast>& members) {
+    for (Compute* compute : {main.get(), forms.get()}) {
+      if (compute == nullptr) continue;
+      compute->advanced = {};
+      if (absl::Status status = compute->backend->upload(members); !status.ok()) return status;
+    }
+    with_pieces = members;
+    return rasterizer->upload(members);
+  }
+
   /// The members that an environment is drawn with. A new one is uploaded behind the cast, which
   /// the processor's stages keep as it is, and those that nobody has any more leave it.
   absl::StatusOr<Surroundings> surroundings_of(
@@ -111,7 +145,7 @@ struct FramePipeline::State {
     for (const Placed& entry : placed) {
       if (entry.environment.lock() == environment) return entry.members;
     }
-    auto with_pieces = std::make_shared<Cast>(*cast);
+    auto longer = std::make_shared<Cast>(*cast);
     std::vector<Placed> kept;
     std::vector<std::shared_ptr<const Environment>> alive;
     for (const Placed& entry : placed) {
@@ -120,57 +154,76 @@ struct FramePipeline::State {
     alive.push_back(environment);
     for (const auto& each : alive) {
       kept.push_back({each,
-                      {static_cast<std::uint32_t>(with_pieces->members.size()),
+                      {static_cast<std::uint32_t>(longer->members.size()),
                        static_cast<std::uint32_t>(each->pieces.size())}});
       for (const Character& piece : each->pieces) {
-        with_pieces->members.push_back({piece, 0.0F, true});
+        longer->members.push_back({piece, 0.0F, true});
       }
     }
     // should one of the two fail, nothing is known to be where it was
     placed.clear();
-    advanced = {};
-    absl::Status status = backend->upload(with_pieces);
-    if (status.ok()) status = rasterizer->upload(with_pieces);
-    if (!status.ok()) {
+    if (absl::Status status = upload_to_all(longer); !status.ok()) {
       // other crowds are drawn on
-      if (absl::Status back = backend->upload(cast); !back.ok()) return back;
-      if (absl::Status back = rasterizer->upload(cast); !back.ok()) return back;
+      if (absl::Status back = upload_to_all(cast); !back.ok()) return back;
       return status;
     }
     placed = std::move(kept);
     return placed.back().members;
   }
 
-  absl::StatusOr<std::shared_ptr<const Instances>> instances_at(const Crowd& crowd,
+  /// Who makes the geometry of agents in this form.
+  absl::StatusOr<Compute*> compute_for(FormRule form) {
+    if (main->kind == BackendKind::kCpu || form == FormRule::kMesh) return main.get();
+    if (forms == nullptr) {
+      auto made = Compute::make(BackendKind::kCpu, threads);
+      if (!made.ok()) return made.status();
+      if (absl::Status status = (*made)->begin(with_pieces); !status.ok()) return status;
+      forms = *std::move(made);
+    }
+    return forms.get();
+  }
+
+  /// What agents are drawn as: a rasterizer that draws nothing else is given meshes.
+  FormRule form_of(FormRule form) const {
+    const Representation needed =
+        form == FormRule::kPoints ? Representation::kPoints : Representation::kImpostor;
+    if (!rasterizer->draws(needed)) return FormRule::kMesh;
+    // what the mixed frame wins by are specks
+    if (form == FormRule::kMixed && main->kind == BackendKind::kCuda) return FormRule::kMesh;
+    return form;
+  }
+
+  absl::StatusOr<std::shared_ptr<const Instances>> instances_at(Compute& compute,
+                                                                const Crowd& crowd,
                                                                 std::int64_t time_us, int channel) {
     Bracket bracket = crowd.bracket(time_us);
     if (bracket.older == nullptr) return std::shared_ptr<const Instances>();
     const std::shared_ptr<const Environment> environment = crowd.environment();
     const auto surroundings = surroundings_of(environment);
     if (!surroundings.ok()) return surroundings.status();
-    for (const Advanced& entry : advanced) {
+    for (const Compute::Advanced& entry : compute.advanced) {
       if (entry.instances != nullptr && entry.older == bracket.older &&
           entry.environment == environment && entry.newer == bracket.newer &&
           entry.time_us == time_us && entry.channel == channel) {
         return entry.instances;
       }
     }
-    auto older = device_snapshot(bracket.older);
+    auto older = compute.device_snapshot(bracket.older);
     if (!older.ok()) return older.status();
-    auto newer = device_snapshot(bracket.newer);
+    auto newer = compute.device_snapshot(bracket.newer);
     if (!newer.ok()) return newer.status();
-    auto instances =
-        backend->advance(**older, **newer, time_us, crowd.settings(), channel, *surroundings);
+    auto instances = compute.backend->advance(**older, **newer, time_us, crowd.settings(), channel,
+                                              *surroundings);
     if (!instances.ok()) return instances.status();
-    advanced[next_advanced] = {bracket.older, bracket.newer, environment,
-                               time_us,       channel,       *instances};
-    next_advanced = (next_advanced + 1) % advanced.size();
+    compute.advanced[compute.next_advanced] = {bracket.older, bracket.newer, environment,
+                                               time_us,       channel,       *instances};
+    compute.next_advanced = (compute.next_advanced + 1) % compute.advanced.size();
     return *instances;
   }
 
   bool takes_far(const ViewSettings& settings) const {
-    return backend_kind == BackendKind::kCpu && rasterizer->draws(Representation::kPoints) &&
-           settings.camera.ortho_height_m <= 0.0 && !settings.look.color_by_channel;
+    return rasterizer->draws(Representation::kPoints) && settings.camera.ortho_height_m <= 0.0 &&
+           !settings.look.color_by_channel;
   }
 
   /// The far crowd's splats behind those of `geometry`.
@@ -195,10 +248,10 @@ struct FramePipeline::State {
   }
 
   /// Whose agents the instances are; null for null.
-  std::shared_ptr<const Snapshot> shown_at(
-      const std::shared_ptr<const Instances>& instances) const {
+  static std::shared_ptr<const Snapshot> shown_at(
+      const Compute& compute, const std::shared_ptr<const Instances>& instances) {
     if (instances == nullptr) return nullptr;
-    for (const Advanced& entry : advanced) {
+    for (const Compute::Advanced& entry : compute.advanced) {
       if (entry.instances != instances) continue;
       return entry.time_us < entry.newer->time_us ? entry.older : entry.newer;
     }
@@ -216,13 +269,12 @@ absl::StatusOr<std::unique_ptr<FramePipeline>> FramePipeline::make(
   }
   std::unique_ptr<FramePipeline> pipeline(new FramePipeline());
   State& state = *pipeline->state_;
-  state.cast = cast;
+  state.cast = state.with_pieces = cast;
   state.measure_cpu_times = options.measure_cpu_times;
   state.threads = options.threads;
-  state.backend_kind = options.backend;
-  auto backend = make_backend(options.backend, options.threads);
-  if (!backend.ok()) return backend.status();
-  state.backend = *std::move(backend);
+  auto compute = Compute::make(options.backend, options.threads);
+  if (!compute.ok()) return compute.status();
+  state.main = *std::move(compute);
   state.backend_name = options.backend == BackendKind::kCpu ? "cpu" : "cuda";
   RasterKind kind = options.raster;
   if (kind == RasterKind::kAuto && options.backend == BackendKind::kCuda) {
@@ -238,11 +290,8 @@ absl::StatusOr<std::unique_ptr<FramePipeline>> FramePipeline::make(
     return absl::InvalidArgumentError(absl::StrCat("make: ", state.rasterizer->info().name,
                                                    " draws batched geometry only, not fused"));
   }
-  if (absl::Status status = state.backend->upload(cast); !status.ok()) return status;
+  if (absl::Status status = state.main->begin(cast); !status.ok()) return status;
   if (absl::Status status = state.rasterizer->upload(cast); !status.ok()) return status;
-  auto view = state.backend->make_view();
-  if (!view.ok()) return view.status();
-  state.view = *std::move(view);
   return pipeline;
 }
 
@@ -261,13 +310,17 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
   stats.scene_time_us = scene_time_us;
   StageClock clock(stats, state.measure_cpu_times);
 
-  auto instances = state.instances_at(crowd, scene_time_us, settings.channel);
+  const FormRule form = state.form_of(settings.selection.form);
+  const auto compute_of_form = state.compute_for(form);
+  if (!compute_of_form.ok()) return compute_of_form.status();
+  Compute& compute = **compute_of_form;
+  auto instances = state.instances_at(compute, crowd, scene_time_us, settings.channel);
   if (!instances.ok()) return instances.status();
   clock.stop(&StageTimes::advance_ms);
 
   FrameGeometry geometry;
   if (*instances != nullptr) {
-    ViewWork& view = *state.view;
+    ViewWork& view = *compute.view;
     const bool has_far = settings.far.enabled && state.takes_far(settings) && passes == nullptr;
     FarView far_view;
     if (has_far) {
@@ -275,38 +328,38 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
       far_view.least_m = FarCrowd::distance_m(settings.far, far_view.px_per_tangent);
     }
     view.far_m = far_view.least_m;
-    absl::Status status = state.backend->cull(view, *instances, settings.camera, settings.viewport);
+    absl::Status status =
+        compute.backend->cull(view, *instances, settings.camera, settings.viewport);
     if (!status.ok()) return status;
     clock.stop(&StageTimes::cull_ms);
     Selection selection = settings.selection;
     selection.pose_mode = settings.pose_mode;
-    selection.geometry = state.geometry;
-    selection.on_device = state.rasterizer->takes_device();
+    // from here to a device geometry goes in batched form
+    const bool is_handed_over =
+        compute.kind == BackendKind::kCpu && state.rasterizer->takes_device();
+    selection.geometry = is_handed_over ? GeometryKind::kBatched : state.geometry;
+    selection.on_device = compute.kind == BackendKind::kCuda && state.rasterizer->takes_device();
     selection.read_instances = passes != nullptr;
-    // a rasterizer that draws nothing else is given meshes
-    if (!state.rasterizer->draws(selection.form == FormRule::kPoints ? Representation::kPoints
-                                                                     : Representation::kImpostor)) {
-      selection.form = FormRule::kMesh;
-    }
+    selection.form = form;
     // who is in a picture is asked of figures that are drawn one by one
     selection.mixed.specks = selection.mixed.specks && passes == nullptr &&
                              state.rasterizer->draws(Representation::kSpeck);
     for (;;) {
-      status = state.backend->select(view, selection);
+      status = compute.backend->select(view, selection);
       if (!status.ok()) return status;
       clock.stop(&StageTimes::select_ms);
-      status = state.backend->allocate(view);
+      status = compute.backend->allocate(view);
       if (!status.ok()) return status;
       clock.stop(&StageTimes::allocate_ms);
-      status = state.backend->generate(view);
+      status = compute.backend->generate(view);
       clock.stop(&StageTimes::generate_ms);
       if (!absl::IsResourceExhausted(status) || selection.pose_mode == PoseMode::kExact) break;
       // a cast with more poses than the bank holds is drawn without sharing, slower but whole
       selection.pose_mode = PoseMode::kExact;
     }
     if (!status.ok()) return status;
-    geometry = state.backend->geometry(view);
-    stats.counters = state.backend->counters(view);
+    geometry = compute.backend->geometry(view);
+    stats.counters = compute.backend->counters(view);
     stats.counters.agents = (*instances)->present;
     if (has_far) {
       status = state.add_far(crowd, scene_time_us, far_view, settings.far, geometry, stats);
@@ -325,7 +378,7 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
   if (passes == nullptr) return status;
   if (absl::Status left = state.rasterizer->keep_facts(nullptr); !left.ok()) return left;
   if (!status.ok()) return status;
-  fill_passes(state.facts, geometry, state.shown_at(*instances), settings,
+  fill_passes(state.facts, geometry, State::shown_at(compute, *instances), settings,
               crowd.settings().origin_world, *passes);
   return absl::OkStatus();
 }
@@ -358,6 +411,10 @@ absl::Status FramePipeline::render_large(const Crowd& crowd, std::int64_t scene_
 RasterInfo FramePipeline::raster_info() const {
   RasterInfo info = state_->rasterizer->info();
   if (!state_->why.empty()) absl::StrAppend(&info.detail, "; auto: ", state_->why);
+  if (state_->main->kind == BackendKind::kCuda) {
+    absl::StrAppend(&info.detail,
+                    "; impostors and points are made on the processor, mixed forms are meshes");
+  }
   return info;
 }
 std::string FramePipeline::backend_name() const { return state_->backend_name; }

@@ -362,6 +362,7 @@ class CudaBackend final : public ComputeBackend {
     job.distance_m = own->distance_m.data();
     job.counters = own->counters.data();
     job.agents = slots - own->instances->surrounding;
+    job.far_m = own->far_m;
     own->cull_job = job;
     own->seen = DeviceCounters();
     own->stage = ViewStage::kCulled;
@@ -375,6 +376,10 @@ class CudaBackend final : public ComputeBackend {
       return status;
     }
     if (absl::Status status = check_selection(selection); !status.ok()) return status;
+    if (selection.form != FormRule::kMesh) {
+      return absl::UnimplementedError(
+          "select: the cuda backend makes meshes; impostors and points are the cpu backend's");
+    }
     const std::uint32_t slots = own->instances->count;
     THRONG_CUDA_TRY(cudaSetDevice(device_), "select");
     THRONG_CUDA_TRY(own->share.resize(slots), "select");

@@ -13,7 +13,11 @@ __global__ void mask_kernel(CullJob job) {
   const std::uint32_t slot = blockIdx.x * blockDim.x + threadIdx.x;
   if (slot >= job.slots) return;
   const glm::vec4 sphere = element::relative_sphere(job.sphere_m[slot], job.eye_offset_m);
-  const std::uint8_t is_visible = element::touches(job.frustum, sphere) ? 1 : 0;
+  std::uint8_t is_visible = element::touches(job.frustum, sphere) ? 1 : 0;
+  if (is_visible != 0 && job.far_m > 0.0F && slot < job.agents &&
+      element::feet_distance(job.state[slot], job.eye_offset_m) >= job.far_m) {
+    is_visible = 0;
+  }
   job.mask[slot] = is_visible;
   job.order[slot] = is_visible;
 }

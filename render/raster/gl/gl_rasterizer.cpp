@@ -251,8 +251,9 @@ class GlRasterizer final : public Rasterizer {
     if (interop_ == nullptr) {
       return absl::InvalidArgumentError("gl draw: the geometry is on a device");
     }
-    const auto staged = interop_->stage(*geometry.on_device);
+    auto staged = interop_->stage(*geometry.on_device);
     if (!staged.ok()) return staged.status();
+    staged->splats = geometry.splats;
     return draw_bound(*staged, camera, viewport, origin_world, look, picture);
   }
 

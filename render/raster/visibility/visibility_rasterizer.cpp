@@ -771,10 +771,10 @@ void VisibilityRasterizer::add_relief(const FrameGeometry& geometry, std::uint32
   const std::size_t n = items.count;
   const std::uint32_t texel = scratch.relief_texels[sample];
   const ReliefStore::Member& member = reliefs_.members[geometry.instances[instance].character];
-  const ReliefHit hit =
-      relief_hit(reliefs_, reliefs_.boxes[member.first_box + box], texel,
-                 geometry.instances[instance], geometry.jointed[instance], geometry.joints.data(),
-                 relief_view_, sample_x, sample_y, scratch.planes.depth[sample]);
+  const element::ReliefHit hit = element::relief_hit(
+      reliefs_.boxes[member.first_box + box], reliefs_.shape[texel], geometry.instances[instance],
+      geometry.jointed[instance], geometry.joints.data(), relief_view_, sample_x, sample_y,
+      scratch.planes.depth[sample]);
   items.instance[n] = static_cast<std::int32_t>(instance);
   items.base[n] = reliefs_.base[texel];
   items.regions[n] = reliefs_.regions[texel];

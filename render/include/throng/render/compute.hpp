@@ -57,7 +57,7 @@ struct Instances {
 struct ViewWork {
   virtual ~ViewWork() = default;
   // agents whose feet are farther from the eye are culled, as the far crowd is drawn otherwise; 0:
-  // nobody is. The cuda backend culls none so far.
+  // nobody is
   float far_m = 0.0F;
 };
 
@@ -81,7 +81,7 @@ struct Selection {
   LodRule rule = LodRule::kBudget;          // kBudget deals out again what full instances leave
   PoseMode pose_mode = PoseMode::kExact;
   GeometryKind geometry = GeometryKind::kBatched;
-  // what the agents are drawn as; the cuda backend makes kMesh of it so far
+  // what the agents are drawn as; Unimplemented by the cuda backend unless kMesh
   FormRule form = FormRule::kMesh;
   MixedForms mixed{};
   // diameter of the points of who is drawn so; as many points as need not be larger

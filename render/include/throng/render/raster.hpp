@@ -13,20 +13,13 @@
 #include "throng/render/camera.hpp"
 #include "throng/render/compute.hpp"
 #include "throng/render/picture.hpp"
+#include "throng/render/relief_box.hpp"
 
 namespace throng::render {
 
 /// kAuto: visibility where the geometry is made by cuda, gl where EGL offers a GPU, else
 /// visibility; `RasterInfo::detail` says why.
 enum class RasterKind { kAuto, kGl, kVisibility };
-
-/// How far a ray looks into the boxes of relief impostors. Adaptive: at most so many steps, fewer
-/// where a box covers few pixels, and what lies between two steps is found where the ray passes
-/// through it; else always as many, as published (Beacco 2010: 16 and 7).
-struct ReliefSearch {
-  std::uint32_t linear_steps = 16, binary_steps = 7;  // at least 1 and 0
-  bool adaptive = true;
-};
 
 /// What a scene looks like beside its agents. Colours are linear.
 struct Look {

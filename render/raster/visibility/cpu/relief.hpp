@@ -6,6 +6,7 @@
 
 #include "render/raster/scene.hpp"
 #include "render/raster/visibility/cpu/tile.hpp"
+#include "render/raster/visibility/element/relief.hpp"
 #include "throng/render/compute.hpp"
 #include "throng/render/relief.hpp"
 
@@ -29,24 +30,9 @@ struct ReliefStore {
 absl::StatusOr<ReliefStore> make_relief_store(const Cast& cast, ReliefStore store = {},
                                               std::size_t kept = 0);
 
-/// The rays of one frame by samples, and what depth they have t along them:
-/// (z0 + z1 t) / (w0 + w1 t).
-struct ReliefView {
-  glm::vec3 origin, origin_x, origin_y, direction, direction_x, direction_y;
-  float z0, z1, w0, w1;
-  float px_per_tangent;
-  bool orthographic;
-};
+using element::PlacedBox;
+using element::ReliefView;
 ReliefView make_relief_view(const SceneFrame& scene, const SampleGrid& grid);
-
-/// A box where it stands in this frame. One cache line.
-struct alignas(64) PlacedBox {
-  glm::vec4 box_from_relative[3];              // rows
-  std::uint16_t x_low, y_low, x_high, y_high;  // samples, inclusive; x_low > x_high: nothing
-  float depth_high;
-  float px_per_m;
-};
-static_assert(sizeof(PlacedBox) == 64);
 
 /// Places an agent's boxes; returns the footprint of them all. What crosses the near plane covers
 /// the whole picture.
@@ -63,15 +49,5 @@ void draw_relief(const ReliefStore& store, const ReliefStore::Member& member,
                  const PlacedBox* placed, std::uint32_t first_block, const ReliefView& view,
                  const ReliefSearch& search, int tile_x, int tile_y, TilePlanes& planes,
                  std::uint32_t* texels, TileCounters& counters);
-
-/// A place of an impostor's surface as it is shaded.
-struct ReliefHit {
-  glm::vec3 relative;  // metres, relative to the eye
-  glm::vec3 normal;    // world axes, of any length
-};
-ReliefHit relief_hit(const ReliefStore& store, const ReliefBox& box, std::uint32_t texel,
-                     const VisibleInstance& instance, const JointedInstance& jointed,
-                     const float* joints, const ReliefView& view, int sample_x, int sample_y,
-                     float depth);
 
 }  // namespace throng::render::visibility

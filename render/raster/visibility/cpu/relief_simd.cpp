@@ -26,69 +26,26 @@ using U = hn::Vec<UintTag>;
 
 /// A box as its rays need it.
 struct BoxSetup {
-  float origin[3], origin_x[3], origin_y[3];  // of the ray through sample (0, 0), box frame
-  float direction[3], direction_x[3], direction_y[3];  // for each metre ahead
+  element::ReliefRays rays;
   // of the level that each face is searched in, and of the one that its colours come from
   struct Levels {
     std::int32_t first[8], width[8], height[8];
   } search, color;
-  int linear, binary;
-  bool crosses;
 };
 
 BoxSetup SetUp(const ReliefBox& box, const PlacedBox& placed, const ReliefView& view,
                const ReliefSearch& search) {
   BoxSetup s{};
-  for (int a = 0; a < 3; ++a) {
-    const glm::vec4& row = placed.box_from_relative[a];
-    const glm::vec3 linear(row);
-    s.origin[a] = row.w + glm::dot(linear, view.origin);
-    s.origin_x[a] = glm::dot(linear, view.origin_x);
-    s.origin_y[a] = glm::dot(linear, view.origin_y);
-    s.direction[a] = glm::dot(linear, view.direction);
-    s.direction_x[a] = glm::dot(linear, view.direction_x);
-    s.direction_y[a] = glm::dot(linear, view.direction_y);
-  }
-  float size_px[3], most_px = 0.0F;
-  for (int a = 0; a < 3; ++a) {
-    size_px[a] = glm::length(box.side[a]) * placed.px_per_m;
-    most_px = std::max(most_px, size_px[a]);
-  }
+  s.rays = element::relief_rays(box, placed, view, search);
   for (int f = 0; f < 6; ++f) {
-    const ReliefFace& face = box.face[f];
-    const float area_px = std::max(size_px[(f / 2 + 1) % 3] * size_px[(f / 2 + 2) % 3], 1e-6F);
-    std::int32_t width = face.width_px, height = face.height_px;
-    std::uint32_t first = face.first;
-    // outlines in texels of 0.3 to 0.6 pixels, colours in twice that
-    const auto keep = [&](BoxSetup::Levels& levels) {
-      levels.first[f] = static_cast<std::int32_t>(first);
-      levels.width[f] = width;
-      levels.height[f] = height;
+    const element::ReliefLevels levels = element::relief_levels_of(box, placed.px_per_m, f);
+    const auto keep = [f](const element::ReliefLevel& from, BoxSetup::Levels& to) {
+      to.first[f] = from.first;
+      to.width[f] = from.width;
+      to.height[f] = from.height;
     };
-    const auto halve = [&] {
-      first += static_cast<std::uint32_t>(width * height);
-      width = std::max(1, width / 2);
-      height = std::max(1, height / 2);
-    };
-    const auto are_more_than = [&](float limit) {
-      return static_cast<float>(width) * static_cast<float>(height) > limit * area_px &&
-             (width > 1 || height > 1);
-    };
-    while (are_more_than(12.0F)) halve();
-    keep(s.search);
-    if (are_more_than(3.0F)) halve();
-    keep(s.color);
-  }
-  s.linear = static_cast<int>(search.linear_steps);
-  s.binary = static_cast<int>(search.binary_steps);
-  s.crosses = search.adaptive;
-  if (search.adaptive) {
-    // steps of about 1.5 pixels, then to a quarter of one
-    s.linear = std::clamp(static_cast<int>(most_px * 0.67F) + 2, 2, s.linear);
-    float step_px = most_px / static_cast<float>(s.linear);
-    int binary = 1;
-    for (; binary < s.binary && step_px > 0.25F; ++binary) step_px *= 0.5F;
-    s.binary = std::min(binary, s.binary);
+    keep(levels.search, s.search);
+    keep(levels.color, s.color);
   }
   return s;
 }
@@ -126,10 +83,10 @@ void DrawBox(const std::uint32_t* shape, const BoxSetup& s, const PlacedBox& pla
         F t_in = Set(-1e30F), t_out = Set(1e30F);
         I axis = hn::Zero(di);
         for (int a = 0; a < 3; ++a) {
-          at[a] = hn::Add(Set(s.origin[a]), hn::Add(hn::Mul(Set(s.origin_x[a]), sx),
-                                                    hn::Mul(Set(s.origin_y[a]), sy)));
-          F d = hn::Add(Set(s.direction[a]), hn::Add(hn::Mul(Set(s.direction_x[a]), sx),
-                                                     hn::Mul(Set(s.direction_y[a]), sy)));
+          at[a] = hn::Add(Set(s.rays.origin[a]), hn::Add(hn::Mul(Set(s.rays.origin_x[a]), sx),
+                                                         hn::Mul(Set(s.rays.origin_y[a]), sy)));
+          F d = hn::Add(Set(s.rays.direction[a]), hn::Add(hn::Mul(Set(s.rays.direction_x[a]), sx),
+                                                          hn::Mul(Set(s.rays.direction_y[a]), sy)));
           d = hn::IfThenElse(hn::Lt(hn::Abs(d), Set(1e-9F)), Set(1e-9F), d);
           direction[a] = d;
           const F inverse = hn::Div(one, d);
@@ -185,12 +142,12 @@ void DrawBox(const std::uint32_t* shape, const BoxSetup& s, const PlacedBox& pla
           return hn::ConvertTo(df, hn::BitCast(di, hn::And(word, byte)));
         };
         // linear search
-        const F step = hn::Mul(hn::Sub(t_out, t_in), Set(1.0F / static_cast<float>(s.linear)));
+        const F step = hn::Mul(hn::Sub(t_out, t_in), Set(1.0F / static_cast<float>(s.rays.linear)));
         F t = hn::Sub(t_in, hn::Mul(step, Set(0.5F)));
         F hit_t = t;
         auto found = hn::Lt(one, zero);
         auto before = hn::Lt(one, zero);  // in front of something at the last step
-        for (int i = 0; i < s.linear; ++i) {
+        for (int i = 0; i < s.rays.linear; ++i) {
           t = hn::Add(t, step);
           const U word = hn::GatherIndex(du, shape, texel_at(t));
           const F d = Along(s0, sd, t);
@@ -198,7 +155,7 @@ void DrawBox(const std::uint32_t* shape, const BoxSetup& s, const PlacedBox& pla
           const auto is_something = hn::Lt(front, back);
           const auto behind_front = hn::And(is_something, hn::Ge(d, front));
           auto now = hn::And(behind_front, hn::Le(d, back));
-          if (s.crosses) {
+          if (s.rays.crosses) {
             now = hn::Or(now, hn::And(behind_front, before));
             before = hn::And(is_something, hn::Lt(d, front));
           }
@@ -210,13 +167,13 @@ void DrawBox(const std::uint32_t* shape, const BoxSetup& s, const PlacedBox& pla
         if (hn::AllFalse(df, found)) continue;
         // binary search between the last step outside and the first inside
         F low = hn::Max(hn::Sub(hit_t, step), t_in), high = hit_t;
-        for (int i = 0; i < s.binary; ++i) {
+        for (int i = 0; i < s.rays.binary; ++i) {
           const F middle = hn::Mul(hn::Add(low, high), Set(0.5F));
           const U word = hn::GatherIndex(du, shape, texel_at(middle));
           const F d = Along(s0, sd, middle);
           const F front = byte_of(word), back = byte_of(hn::ShiftRight<8>(word));
           auto inside = hn::And(hn::Lt(front, back), hn::Ge(d, front));
-          if (!s.crosses) inside = hn::And(inside, hn::Le(d, back));
+          if (!s.rays.crosses) inside = hn::And(inside, hn::Le(d, back));
           high = hn::IfThenElse(inside, middle, high);
           low = hn::IfThenElse(inside, low, middle);
         }

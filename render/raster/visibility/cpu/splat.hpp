@@ -11,25 +11,10 @@
 #include "render/raster/visibility/cpu/bins.hpp"
 #include "render/raster/visibility/cpu/shade.hpp"
 #include "render/raster/visibility/cpu/tile.hpp"
+#include "render/raster/visibility/element/splat.hpp"
 #include "throng/render/vertex.hpp"
 
 namespace throng::render::visibility {
-
-/// A splat's disc on the sample grid: the samples (x + i, y + j) with
-///
-///     i^2 + j^2 + (slope_x i + slope_y j)^2 <= radius^2
-///
-/// and there the depth is depth + depth_slope (slope_x i + slope_y j). A disc of the surface, seen
-/// in parallel projection: an ellipse that is as thin as the surface is steep. 32 bytes.
-struct PlacedSplat {
-  float x, y;    // samples from the picture's top left
-  float radius;  // samples; negative: not seen
-  float depth;   // reversed
-  float slope_x, slope_y;
-  float depth_slope;
-  std::uint32_t reserved;
-};
-static_assert(sizeof(PlacedSplat) == 32);
 
 /// Points of a frame on the way to the visibility buffer: placed, listed by tile, drawn as words of
 /// class point whose lower 30 bits number the splat. The picture does not depend on their order.
@@ -55,14 +40,14 @@ class SplatStage {
                       SurfaceItems& items);
 
   /// Which splat a word of class point shows.
-  static std::uint32_t number_of(std::uint32_t id) { return id & ((1U << 30) - 1); }
+  static std::uint32_t number_of(std::uint32_t id) { return id & element::kSplatNumber; }
 
   std::uint64_t size_bytes() const {
-    return placed_.capacity() * sizeof(PlacedSplat) + bins_.size_bytes();
+    return placed_.capacity() * sizeof(element::PlacedSplat) + bins_.size_bytes();
   }
 
  private:
-  std::vector<PlacedSplat> placed_;
+  std::vector<element::PlacedSplat> placed_;
   Bins<std::uint32_t> bins_;
 };
 

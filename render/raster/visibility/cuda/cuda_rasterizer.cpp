@@ -17,6 +17,7 @@
 #include "render/compute/cuda/memory.hpp"
 #include "render/compute/cuda/stage_events.hpp"
 #include "render/raster/scene.hpp"
+#include "render/raster/visibility/cpu/relief.hpp"
 #include "render/raster/visibility/cpu/shade.hpp"
 #include "render/raster/visibility/cuda/device_picture.hpp"
 #include "render/raster/visibility/cuda/launch.hpp"
@@ -70,6 +71,7 @@ class CudaRasterizer final : public Rasterizer {
   }
   bool takes_device() const override { return true; }
   bool takes_fused() const override { return true; }
+  bool draws(Representation form) const override { return form <= Representation::kPoints; }
   RasterCounters counters() const override { return counters_; }
   absl::Status keep_facts(PixelFacts* facts) override {
     facts_ = facts;
@@ -93,11 +95,20 @@ class CudaRasterizer final : public Rasterizer {
           tones(s),
           band(s),
           corner_tones(s),
+          relief_member(s),
+          relief_box(s),
+          relief_shape(s),
+          relief_base(s),
+          relief_regions(s),
           instance(s),
           vertex_offset(s),
           triangle_offset(s),
           vertices(s),
           indices(s),
+          representation(s),
+          jointed(s),
+          joints(s),
+          splats(s),
           shade(s),
           block_count(s),
           first_block(s),
@@ -130,11 +141,18 @@ class CudaRasterizer final : public Rasterizer {
     DeviceBuffer<TriangleTone> tones;
     DeviceBuffer<ToneBand> band;
     DeviceBuffer<std::uint32_t> corner_tones;
+    DeviceBuffer<ReliefMember> relief_member;
+    DeviceBuffer<ReliefBox> relief_box;
+    DeviceBuffer<std::uint32_t> relief_shape, relief_base, relief_regions;
     // geometry that came from the host
     DeviceBuffer<VisibleInstance> instance;
     DeviceBuffer<std::uint32_t> vertex_offset, triangle_offset;
     DeviceBuffer<BatchVertex> vertices;
     DeviceBuffer<std::uint32_t> indices;
+    DeviceBuffer<Representation> representation;
+    DeviceBuffer<JointedInstance> jointed;
+    DeviceBuffer<float> joints;
+    DeviceBuffer<Splat> splats;
     // the frame's
     DeviceBuffer<InstanceShade> shade;
     DeviceBuffer<std::uint32_t> block_count, first_block, block_instance;
@@ -159,10 +177,11 @@ class CudaRasterizer final : public Rasterizer {
     std::uint64_t size_bytes() const {
       const auto sum = [](const auto&... buffer) { return (buffer.size_bytes() + ...); };
       return sum(character, texels, flags, level, level_corners, level_at, uv, tones, band,
-                 corner_tones, own_blocks, small_units, large_units, instance, vertex_offset,
-                 triangle_offset, vertices, indices, shade, block_count, first_block,
-                 block_instance, projected, special, large, tiles, candidates, casters, blobs,
-                 blob_tiles, counts, words, shadow, blob_shadow, fact_depth, fact_instance,
+                 corner_tones, relief_member, relief_box, relief_shape, relief_base, relief_regions,
+                 representation, jointed, joints, splats, own_blocks, small_units, large_units,
+                 instance, vertex_offset, triangle_offset, vertices, indices, shade, block_count,
+                 first_block, block_instance, projected, special, large, tiles, candidates, casters,
+                 blobs, blob_tiles, counts, words, shadow, blob_shadow, fact_depth, fact_instance,
                  fact_bounds, scratch);
     }
   };
@@ -181,6 +200,7 @@ class CudaRasterizer final : public Rasterizer {
 
   absl::Status check(const FrameGeometry& geometry, const Viewport& viewport) const;
   absl::Status take_geometry(const FrameGeometry& geometry, RasterJob& job);
+  absl::Status take_splats(std::span<const Splat> splats, RasterJob& job);
   absl::Status make_room(RasterJob& job, std::uint32_t most_blocks);
   absl::Status run(const RasterJob& job, std::uint32_t most_blocks, cudaStream_t stream,
                    bool recorded);
@@ -254,6 +274,13 @@ absl::Status CudaRasterizer::upload(std::shared_ptr<const Cast> cast) {
           level < levels.levels.size() && levels.levels[level].character == m ? level : kNoLevel);
     }
   }
+  absl::StatusOr<ReliefStore> reliefs = make_relief_store(*cast);
+  if (!reliefs.ok()) return reliefs.status();
+  static_assert(sizeof(ReliefMember) == sizeof(ReliefStore::Member));
+  std::vector<ReliefMember> relief_members;
+  for (const ReliefStore::Member& member : reliefs->members) {
+    relief_members.push_back({member.first_box, member.box_count});
+  }
   std::vector<RasterLevel> device_levels;
   for (const Level& level : levels.levels) {
     device_levels.push_back({level.vertex_count, level.triangle_count, level.first_triangle});
@@ -269,6 +296,12 @@ absl::Status CudaRasterizer::upload(std::shared_ptr<const Cast> cast) {
   THRONG_CUDA_TRY(copy(tones.data(), tones.size(), b.tones), kUpload);
   THRONG_CUDA_TRY(copy(bands.data(), bands.size(), b.band), kUpload);
   THRONG_CUDA_TRY(copy(corner_tones.data(), corner_tones.size(), b.corner_tones), kUpload);
+  THRONG_CUDA_TRY(copy(relief_members.data(), relief_members.size(), b.relief_member), kUpload);
+  THRONG_CUDA_TRY(copy(reliefs->boxes.data(), reliefs->boxes.size(), b.relief_box), kUpload);
+  THRONG_CUDA_TRY(copy(reliefs->shape.data(), reliefs->shape.size(), b.relief_shape), kUpload);
+  THRONG_CUDA_TRY(copy(reliefs->base.data(), reliefs->base.size(), b.relief_base), kUpload);
+  THRONG_CUDA_TRY(copy(reliefs->regions.data(), reliefs->regions.size(), b.relief_regions),
+                  kUpload);
   THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), kUpload);  // the vectors end here
   device.character = b.character.data();
   device.texels = b.texels.data();
@@ -280,6 +313,11 @@ absl::Status CudaRasterizer::upload(std::shared_ptr<const Cast> cast) {
   device.tones = b.tones.data();
   device.band = b.band.data();
   device.corner_tones = b.corner_tones.data();
+  device.relief_member = b.relief_member.data();
+  device.relief_box = b.relief_box.data();
+  device.relief_shape = b.relief_shape.data();
+  device.relief_base = b.relief_base.data();
+  device.relief_regions = b.relief_regions.data();
   device_cast_ = device;
   cast_ = std::move(cast);
   return absl::OkStatus();
@@ -295,11 +333,25 @@ absl::Status CudaRasterizer::check(const FrameGeometry& geometry, const Viewport
   if (cast_ == nullptr) {
     return absl::FailedPreconditionError(absl::StrCat(kDraw, ": no cast is uploaded"));
   }
+  if (geometry.splats.size() > kMostSplats) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat(kDraw, ": ", geometry.splats.size(), " splats, at most ", kMostSplats));
+  }
+  if (!geometry.speck_runs.empty()) {
+    return absl::UnimplementedError(absl::StrCat(kDraw, ": draws no specks"));
+  }
   if (geometry.on_device != nullptr) return absl::OkStatus();
   const std::size_t count = geometry.instances.size();
   if (count == 0) return absl::OkStatus();
-  if (!geometry.shared.empty() || !geometry.representation.empty()) {
-    return absl::InvalidArgumentError(absl::StrCat(kDraw, ": takes batched meshes only"));
+  if (!geometry.shared.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(kDraw, ": takes batched geometry only where it comes from the processor"));
+  }
+  if (!geometry.representation.empty() &&
+      (geometry.representation.size() != count || geometry.jointed.size() != count)) {
+    return absl::InvalidArgumentError(absl::StrCat(kDraw, ": ", geometry.representation.size(),
+                                                   " representations and ", geometry.jointed.size(),
+                                                   " jointed instances, must be ", count));
   }
   if (geometry.vertex_offset.size() != count + 1 || geometry.triangle_offset.size() != count + 1 ||
       geometry.vertex_offset.back() != geometry.vertices.size() ||
@@ -313,7 +365,24 @@ absl::Status CudaRasterizer::check(const FrameGeometry& geometry, const Viewport
       return absl::InvalidArgumentError(absl::StrCat(kDraw, ": character is ", instance.character,
                                                      ", the cast has ", cast_->members.size()));
     }
+    const auto i = static_cast<std::size_t>(&instance - geometry.instances.data());
+    const std::size_t joints = cast_->members[instance.character].character.joint_count();
+    if (!geometry.representation.empty() &&
+        geometry.representation[i] == Representation::kImpostor &&
+        std::size_t{16} * (geometry.jointed[i].first_joint + joints) > geometry.joints.size()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(kDraw, ": instance ", i, " has joints ", geometry.jointed[i].first_joint,
+                       " + ", joints, ", must end by ", geometry.joints.size() / 16));
+    }
   }
+  return absl::OkStatus();
+}
+
+absl::Status CudaRasterizer::take_splats(std::span<const Splat> splats, RasterJob& job) {
+  if (splats.empty()) return absl::OkStatus();
+  THRONG_CUDA_TRY(copy(splats.data(), splats.size(), buffers_->splats), kDraw);
+  job.splats = buffers_->splats.data();
+  job.splat_count = static_cast<std::uint32_t>(splats.size());
   return absl::OkStatus();
 }
 
@@ -347,6 +416,14 @@ absl::Status CudaRasterizer::take_geometry(const FrameGeometry& geometry, Raster
   THRONG_CUDA_TRY(copy(geometry.triangle_offset.data(), count + 1, b.triangle_offset), kDraw);
   THRONG_CUDA_TRY(copy(geometry.vertices.data(), geometry.vertices.size(), b.vertices), kDraw);
   THRONG_CUDA_TRY(copy(geometry.indices.data(), geometry.indices.size(), b.indices), kDraw);
+  if (!geometry.representation.empty()) {
+    THRONG_CUDA_TRY(copy(geometry.representation.data(), count, b.representation), kDraw);
+    THRONG_CUDA_TRY(copy(geometry.jointed.data(), count, b.jointed), kDraw);
+    THRONG_CUDA_TRY(copy(geometry.joints.data(), geometry.joints.size(), b.joints), kDraw);
+    job.representation = b.representation.data();
+    job.jointed = b.jointed.data();
+    job.joints = b.joints.data();
+  }
   job.count = static_cast<std::uint32_t>(count);
   job.vertices_total = static_cast<std::uint32_t>(geometry.vertices.size());
   job.triangles_total = geometry.triangle_offset.back();
@@ -375,6 +452,9 @@ absl::Status CudaRasterizer::make_room(RasterJob& job, std::uint32_t most_blocks
     job.fact_instance = b.fact_instance.data();
     job.fact_bounds = b.fact_bounds.data();
   }
+  if (!has_words(job)) return absl::OkStatus();
+  THRONG_CUDA_TRY(b.words.resize(words), kDraw);
+  job.words = b.words.data();
   if (job.count == 0) return absl::OkStatus();
   std::size_t scratch_bytes = 0;
   THRONG_CUDA_TRY(render::cuda::scan_scratch_bytes(job.count + 1, scratch_bytes), kDraw);
@@ -395,7 +475,6 @@ absl::Status CudaRasterizer::make_room(RasterJob& job, std::uint32_t most_blocks
   THRONG_CUDA_TRY(b.special.resize(job.triangles_total), kDraw);
   THRONG_CUDA_TRY(b.large.resize(kLargeRoom), kDraw);
   THRONG_CUDA_TRY(b.tiles.resize(kTileRoom), kDraw);
-  THRONG_CUDA_TRY(b.words.resize(words), kDraw);
   job.shade = b.shade.data();
   job.block_count = b.block_count.data();
   job.first_block = b.first_block.data();
@@ -404,7 +483,6 @@ absl::Status CudaRasterizer::make_room(RasterJob& job, std::uint32_t most_blocks
   job.special = b.special.data();
   job.large = b.large.data();
   job.tiles = b.tiles.data();
-  job.words = b.words.data();
   if (!job.scene.shadows) return absl::OkStatus();
   THRONG_CUDA_TRY(b.candidates.resize(job.count), kDraw);
   THRONG_CUDA_TRY(b.casters.resize(job.count), kDraw);
@@ -428,8 +506,10 @@ absl::Status CudaRasterizer::run(const RasterJob& job, std::uint32_t most_blocks
   const std::size_t words = std::size_t{16} * job.word_blocks_x * ((2 * job.height_px + 3) / 4);
   THRONG_CUDA_TRY(moments_.record(kBegun, stream, recorded), kDraw);
   THRONG_CUDA_TRY(cudaMemsetAsync(job.counts, 0, sizeof(RasterCounts), stream), kDraw);
-  if (job.count > 0) {
+  if (has_words(job)) {
     THRONG_CUDA_TRY(cudaMemsetAsync(job.words, 0, words * sizeof(Word), stream), kDraw);
+  }
+  if (job.count > 0) {
     if (job.scene.shadows) {
       THRONG_CUDA_TRY(cudaMemsetAsync(job.shadow, 0, words * sizeof(std::uint32_t), stream), kDraw);
       THRONG_CUDA_TRY(cudaMemsetAsync(job.blob_shadow, 0, pixels * sizeof(std::uint32_t), stream),
@@ -445,6 +525,9 @@ absl::Status CudaRasterizer::run(const RasterJob& job, std::uint32_t most_blocks
   if (job.count > 0) {
     THRONG_CUDA_TRY(launch_raster(job, most_blocks, stream), kDraw);
     THRONG_CUDA_TRY(launch_shared(job, stream), kDraw);
+  }
+  THRONG_CUDA_TRY(launch_forms(job, stream), kDraw);
+  if (job.count > 0) {
     THRONG_CUDA_TRY(launch_large(job, stream), kDraw);
   }
   THRONG_CUDA_TRY(moments_.record(kTrianglesEnd, stream, recorded), kDraw);
@@ -518,10 +601,18 @@ absl::Status CudaRasterizer::draw(const FrameGeometry& geometry, const Camera& c
               static_cast<std::int32_t>(2 * viewport.width_px),
               static_cast<std::int32_t>(2 * viewport.height_px)};
   job.word_blocks_x = (2 * viewport.width_px + 3) / 4;
+  job.relief_view = make_relief_view(job.scene, job.grid);
+  job.relief_search = look.relief_search;
+  job.relief_search.linear_steps = std::clamp(job.relief_search.linear_steps, 1U, 1024U);
+  job.relief_search.binary_steps = std::min(job.relief_search.binary_steps, 32U);
+  job.view_from_relative = glm::mat3(view_from_relative(camera));
   if (absl::Status status = take_geometry(geometry, job); !status.ok()) return status;
+  if (absl::Status status = take_splats(geometry.splats, job); !status.ok()) return status;
   // of batched geometry made by hand, instances may not say what is theirs
   const std::uint64_t triangles = std::max<std::uint64_t>(job.triangles_drawn, job.triangles_total);
-  const std::uint64_t most_blocks = triangles / element::kBlockTriangles + job.count;
+  const std::uint64_t most_blocks =
+      triangles / element::kBlockTriangles +
+      (job.representation == nullptr ? 1U : 2U) * std::uint64_t{job.count};
   if (most_blocks > element::kMaxBlocks) {
     return absl::ResourceExhaustedError(absl::StrCat(
         kDraw, ": up to ", most_blocks, " triangle blocks, at most ", element::kMaxBlocks));

@@ -8,6 +8,14 @@ namespace {
 constexpr std::uint32_t kThreads = 128;
 constexpr std::uint32_t kNothing = 0xffffffffU;
 
+__device__ std::uint32_t shown_by(const RasterJob& job, std::uint32_t id) {
+  if (element::class_of(id) != element::SampleClass::kPoint) {
+    return job.block_instance[element::block_of(id)];
+  }
+  const std::uint32_t visible = job.splats[id & element::kSplatNumber].visible;
+  return visible == kNobody ? kNothing : visible;
+}
+
 /// Of a pixel's samples the instance that most of them show decides, and of equals the nearer one.
 __global__ void facts_kernel(RasterJob job) {
   const std::uint32_t pixel = blockIdx.x * blockDim.x + threadIdx.x;
@@ -15,7 +23,7 @@ __global__ void facts_kernel(RasterJob job) {
   std::uint32_t best = kNothing;
   int best_count = 0;
   float best_depth = -1.0F;
-  if (job.count == 0) {
+  if (!has_words(job)) {
     best_depth = 0.0F;
   } else {
     const std::size_t at =
@@ -25,9 +33,7 @@ __global__ void facts_kernel(RasterJob job) {
     for (int k = 0; k < 4; ++k) {
       const Word word = job.words[at + k];
       depth[k] = element::bits_float(static_cast<std::uint32_t>(word >> 32));
-      shown[k] = word == 0
-                     ? kNothing
-                     : job.block_instance[element::block_of(static_cast<std::uint32_t>(word))];
+      shown[k] = word == 0 ? kNothing : shown_by(job, static_cast<std::uint32_t>(word));
     }
     for (int k = 0; k < 4; ++k) {
       int count = 0;
@@ -57,6 +63,24 @@ __global__ void __launch_bounds__(kThreads) bounds_kernel(RasterJob job) {
     high_x = high_y = INT32_MIN;
   }
   __syncthreads();
+  if (is_relief(job, i)) {
+    const ReliefMember member = job.cast.relief_member[job.instance[i].character];
+    for (std::uint32_t b = threadIdx.x; b < member.box_count; b += kThreads) {
+      const element::PlacedBox box =
+          element::place_box(job.cast.relief_box[member.first_box + b], job.instance[i],
+                             job.jointed[i], job.joints, job.relief_view, job.grid);
+      if (box.x_low > box.x_high) continue;
+      atomicMin(&low_x, static_cast<int>(box.x_low));
+      atomicMin(&low_y, static_cast<int>(box.y_low));
+      atomicMax(&high_x, static_cast<int>(box.x_high));
+      atomicMax(&high_y, static_cast<int>(box.y_high));
+    }
+    __syncthreads();
+    if (threadIdx.x != 0) return;
+    job.fact_bounds[i] = low_x > high_x ? FactBox{0, 0, -1, -1}
+                                        : FactBox{low_x / 2, low_y / 2, high_x / 2, high_y / 2};
+    return;
+  }
   const bool shares = is_shared(job, i);
   const std::uint32_t first = shares ? 0 : job.vertex_offset[i];
   const std::uint32_t count =

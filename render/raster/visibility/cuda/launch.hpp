@@ -19,6 +19,9 @@ cudaError_t launch_raster(const RasterJob& job, std::uint32_t most_blocks, cudaS
 /// Figures that share a pose into `words`, after launch_raster.
 cudaError_t launch_shared(const RasterJob& job, cudaStream_t stream);
 
+/// Points and impostors into `words`, after launch_raster.
+cudaError_t launch_forms(const RasterJob& job, cudaStream_t stream);
+
 /// Triangles that raster and shadows left to whole tiles.
 cudaError_t launch_large(const RasterJob& job, cudaStream_t stream);
 

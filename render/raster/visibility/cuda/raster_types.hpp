@@ -8,8 +8,10 @@
 #include "render/raster/visibility/element/clip.hpp"
 #include "render/raster/visibility/element/cutout.hpp"
 #include "render/raster/visibility/element/flat.hpp"
+#include "render/raster/visibility/element/relief.hpp"
 #include "render/raster/visibility/element/shade.hpp"
 #include "render/raster/visibility/element/shadow.hpp"
+#include "render/raster/visibility/element/splat.hpp"
 #include "throng/render/representation.hpp"
 #include "throng/render/vertex.hpp"
 
@@ -37,6 +39,11 @@ struct RasterLevel {
 inline constexpr std::uint32_t kNoLevel = 0xffffffffU;
 inline constexpr std::uint32_t kMostLevelVertices = 1024;
 
+/// The impostor of a member of the cast; no boxes: it has none.
+struct ReliefMember {
+  std::uint32_t first_box = 0, box_count = 0;
+};
+
 struct RasterCast {
   const RasterCharacter* character = nullptr;
   const std::uint32_t* texels = nullptr;
@@ -48,6 +55,11 @@ struct RasterCast {
   const std::uint32_t* level_at = nullptr;       // [members][kMostLevelVertices + 1], or kNoLevel
   const ToneBand* band = nullptr;                // with their places in all characters' tones
   const std::uint32_t* corner_tones = nullptr;
+  const ReliefMember* relief_member = nullptr;
+  const ReliefBox* relief_box = nullptr;
+  const std::uint32_t* relief_shape = nullptr;    // texels of all boxes' faces
+  const std::uint32_t* relief_base = nullptr;     // element::pack_color
+  const std::uint32_t* relief_regions = nullptr;  // tint masks
   std::uint32_t first_surrounding = 0;
 };
 
@@ -120,6 +132,15 @@ struct RasterJob {
   // fused geometry: who shares a pose has nothing in the arrays above
   const SharedInstance* shared = nullptr;  // [V]; null: batched
   const float* posed = nullptr;
+  // forms other than meshes
+  const Representation* representation = nullptr;  // [V]; null: all are meshes
+  const JointedInstance* jointed = nullptr;        // [V] where representation is not null
+  const float* joints = nullptr;
+  element::ReliefView relief_view{};
+  ReliefSearch relief_search{};
+  const Splat* splats = nullptr;
+  std::uint32_t splat_count = 0;
+  glm::mat3 view_from_relative{1.0F};
 
   // of the frame
   InstanceShade* shade = nullptr;           // [V]
@@ -163,6 +184,16 @@ THRONG_HOST_DEVICE inline glm::vec3 placed_vertex(const RasterJob& job, std::uin
 /// Whether an instance's vertices are those of a shared pose.
 THRONG_HOST_DEVICE inline bool is_shared(const RasterJob& job, std::uint32_t instance) {
   return job.shared != nullptr && job.shared[instance].level != SharedInstance::kOwn;
+}
+
+/// Whether an instance is an impostor.
+THRONG_HOST_DEVICE inline bool is_relief(const RasterJob& job, std::uint32_t instance) {
+  return job.representation != nullptr && job.representation[instance] == Representation::kImpostor;
+}
+
+/// Whether the frame has words at all: else nothing but ground and sky is seen.
+THRONG_HOST_DEVICE inline bool has_words(const RasterJob& job) {
+  return job.count > 0 || job.splat_count > 0;
 }
 
 /// Place of a sample: blocks of 4x4 samples row by row, a cache line each; in them the four samples

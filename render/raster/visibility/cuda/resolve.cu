@@ -81,6 +81,46 @@ __device__ glm::vec3 shade_figure(const RasterJob& job, std::uint32_t i, std::ui
                                  job.cast.texels, corners, x, y);
 }
 
+/// What a point shows.
+__device__ glm::vec3 shade_point(const RasterJob& job, std::uint32_t number) {
+  const Splat& splat = job.splats[number];
+  const bool is_nobody = splat.visible >= job.count;
+  InstanceShade shade{};
+  if (is_nobody) {
+    shade.feet_relative.z = job.scene.ground_relative_m;
+    shade.channel = kNoChannel;
+  } else {
+    shade = job.shade[splat.visible];
+  }
+  return element::shade_surface(job.scene, shade, splat.base,
+                                splat.visible == kNobody ? 0 : splat.regions,
+                                element::splat_normal(splat, job.scene), splat.position_relative);
+}
+
+/// What an impostor shows at a sample: its ray is looked along once more.
+__device__ glm::vec3 shade_relief(const RasterJob& job, std::uint32_t i, std::uint32_t id,
+                                  std::uint32_t x, std::uint32_t y, float depth) {
+  const VisibleInstance& instance = job.instance[i];
+  const JointedInstance& jointed = job.jointed[i];
+  const std::uint32_t b = (element::block_of(id) - job.first_block[i]) * element::kBlockTriangles +
+                          element::triangle_of(id);
+  const ReliefBox& box =
+      job.cast.relief_box[job.cast.relief_member[instance.character].first_box + b];
+  const element::PlacedBox placed =
+      element::place_box(box, instance, jointed, job.joints, job.relief_view, job.grid);
+  const element::ReliefRays rays =
+      element::relief_rays(box, placed, job.relief_view, job.relief_search);
+  const std::uint32_t texel =
+      element::search_relief(job.cast.relief_shape, box, rays, placed.px_per_m, job.relief_view,
+                             static_cast<int>(x), static_cast<int>(y), 0.0F)
+          .texel;
+  const element::ReliefHit hit =
+      element::relief_hit(box, job.cast.relief_shape[texel], instance, jointed, job.joints,
+                          job.relief_view, static_cast<int>(x), static_cast<int>(y), depth);
+  return element::shade_surface(job.scene, job.shade[i], job.cast.relief_base[texel],
+                                job.cast.relief_regions[texel], hit.normal, hit.relative);
+}
+
 /// One pixel: each instance seen in its four samples is shaded once, where its samples are on the
 /// average; the rest is ground or sky.
 __global__ void __launch_bounds__(kTileX* kTileY) resolve_kernel(RasterJob job) {
@@ -91,8 +131,8 @@ __global__ void __launch_bounds__(kTileX* kTileY) resolve_kernel(RasterJob job) 
   const std::size_t at = word_index(job.word_blocks_x, 2 * x, 2 * y);
   glm::vec3 color(0.0F, 0.0F, 0.0F);
   float background = 1.0F;
-  if (job.count > 0) {
-    std::uint32_t id[4], instance[4], rest = 0;
+  if (has_words(job)) {
+    std::uint32_t id[4], instance[4], rest = 0;  // of a point its id, which no instance has
     for (std::uint32_t k = 0; k < 4; ++k) {
       const Word word = job.words[at + k];
       id[k] = static_cast<std::uint32_t>(word);
@@ -100,7 +140,9 @@ __global__ void __launch_bounds__(kTileX* kTileY) resolve_kernel(RasterJob job) 
       if (word == 0) continue;
       rest |= 1U << k;
       background -= 0.25F;
-      instance[k] = job.block_instance[element::block_of(id[k])];
+      instance[k] = element::class_of(id[k]) == element::SampleClass::kPoint
+                        ? id[k]
+                        : job.block_instance[element::block_of(id[k])];
     }
     while (rest != 0) {
       const std::uint32_t first = (rest & 1U) != 0   ? 0
@@ -117,9 +159,21 @@ __global__ void __launch_bounds__(kTileX* kTileY) resolve_kernel(RasterJob job) 
         sum_y += (k & 2U) != 0 ? 0.75F : 0.25F;
       }
       rest &= ~same;
-      const glm::vec3 one =
-          shade_figure(job, instance[first], id[first], static_cast<float>(x) + sum_x / samples,
-                       static_cast<float>(y) + sum_y / samples);
+      glm::vec3 one;
+      switch (element::class_of(id[first])) {
+        case element::SampleClass::kPoint:
+          one = shade_point(job, id[first] & element::kSplatNumber);
+          break;
+        case element::SampleClass::kImpostor:
+          one = shade_relief(
+              job, instance[first], id[first], 2 * x + (first & 1U), 2 * y + (first >> 1),
+              element::bits_float(static_cast<std::uint32_t>(job.words[at + first] >> 32)));
+          break;
+        default:
+          one =
+              shade_figure(job, instance[first], id[first], static_cast<float>(x) + sum_x / samples,
+                           static_cast<float>(y) + sum_y / samples);
+      }
       color = color + one * (0.25F * samples);
     }
   }

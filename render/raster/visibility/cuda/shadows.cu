@@ -24,8 +24,10 @@ __global__ void prepare_kernel(RasterJob job) {
                               job.channel, job.cast.first_surrounding);
   job.shade[i] = shade;
   std::uint32_t triangles = job.triangle_offset[i + 1] - job.triangle_offset[i];
-  const bool shares = is_shared(job, i);
-  if (shares) {
+  const bool is_mesh = !is_relief(job, i), shares = is_mesh && is_shared(job, i);
+  if (!is_mesh) {
+    triangles = job.cast.relief_member[instance.character].box_count;
+  } else if (shares) {
     const RasterLevel& level = job.cast.level[job.shared[i].level];
     triangles = level.triangle_count;
     if (level.vertex_count <= kWarpVertices) {
@@ -38,7 +40,7 @@ __global__ void prepare_kernel(RasterJob job) {
   if (!job.scene.shadows) return;
   if ((character.flags & RasterCharacter::kSurrounding) != 0) {
     job.casters[atomicAdd(&job.counts->casters, 1U)] = i;
-  } else if (!shares && triangles > 0 && shade.size_px > element::kCastShadowFromPx) {
+  } else if (is_mesh && !shares && triangles > 0 && shade.size_px > element::kCastShadowFromPx) {
     const unsigned long long key =
         static_cast<unsigned long long>(element::float_bits(shade.size_px)) << 32 | ~i;
     job.candidates[atomicAdd(&job.counts->candidates, 1U)] = {
@@ -203,6 +205,7 @@ __device__ void draw_blob_tile(const RasterJob& job, const BlobRecord& record, s
 __global__ void blob_kernel(RasterJob job) {
   const std::uint32_t i = blockIdx.x * blockDim.x + threadIdx.x;
   if (i >= job.count) return;
+  if (job.representation != nullptr && job.representation[i] == Representation::kNone) return;
   BlobRecord record;
   record.blob = element::make_blob(job.scene, job.shade[i]);
   record.box = element::blob_box(job.grid, record.blob, job.scene.ground_relative_m);

@@ -1,0 +1,154 @@
+// Forms other than meshes by CUDA: the processor's picture of the same geometry.
+#include "render/cuda/frame_scene.hpp"
+#include "simplify/impostor/relief.hpp"
+#include "simplify/points/points.hpp"
+#include "support/tiny_character.hpp"
+
+namespace throng::render {
+namespace {
+
+using namespace test::cuda_frame;
+
+/// Characters with impostors and points; a third one has neither.
+std::shared_ptr<const Cast> cast_with_forms() {
+  auto cast = std::make_shared<Cast>(*test::tiny_cast());
+  for (float height_m : {1.9F, 1.3F}) {
+    test::TinyOptions options;
+    options.height_m = height_m;
+    CharacterData data = test::make_tiny_character(options);
+    simplify::sample_points(data, {.count = 512});
+    Character character = make_character(std::move(data)).value();
+    character.relief = make_relief(simplify::bake_relief(character).value());
+    cast->members.push_back({std::move(character), 2.0F});
+  }
+  return cast;
+}
+
+class CudaFormsTest : public testing::TestWithParam<Scene> {
+ protected:
+  void SetUp() override { THRONG_SKIP_WITHOUT_CUDA(); }
+};
+
+TEST_P(CudaFormsTest, AreTheProcessorsPicture) {
+  const Scene& scene = GetParam();
+  const auto cast = cast_with_forms();
+  const auto crowd = crowd_of(scene, cast);
+  Renderer cpu = Renderer::on_processor(), cuda = Renderer::on_cuda();
+  ASSERT_TRUE(cpu.upload(cast).ok());
+  ASSERT_TRUE(cuda.upload(cast).ok());
+  ASSERT_TRUE(generate(cpu, scene, *crowd, {}).ok());
+  const FrameGeometry geometry = cpu.backend->geometry(*cpu.view);
+  std::size_t others = 0;
+  for (const Representation form : geometry.representation) {
+    others += form != Representation::kMesh ? 1 : 0;
+  }
+  ASSERT_GT(others, 5U);
+  PixelFacts facts[2];
+  Picture pictures[2];
+  for (Renderer* renderer : {&cpu, &cuda}) {
+    const std::size_t k = renderer == &cpu ? 0 : 1;
+    ASSERT_TRUE(renderer->rasterizer->keep_facts(&facts[k]).ok());
+    const absl::Status status = draw(*renderer, geometry, scene, pictures[k]);
+    ASSERT_TRUE(status.ok()) << status;
+  }
+  EXPECT_EQ(facts[0].depth, facts[1].depth);
+  EXPECT_EQ(facts[0].instance, facts[1].instance);
+  for (std::size_t i = 0; i < others && scene.form == FormRule::kImpostor; ++i) {
+    if (geometry.representation[i] != Representation::kImpostor) continue;
+    const PixelBox &a = facts[0].bounds[i], &b = facts[1].bounds[i];
+    EXPECT_EQ(a.x_low > a.x_high, b.x_low > b.x_high);
+    if (a.x_low > a.x_high) continue;
+    EXPECT_EQ(a.x_low, b.x_low);
+    EXPECT_EQ(a.y_high, b.y_high);
+  }
+  expect_same_picture(pictures[0], pictures[1]);
+}
+
+const Camera kClose{.eye_world = {0, 0, 1.6}, .target_world = {3, 1, 1}};
+const Camera kAway{.eye_world = {0, -40, 12}, .target_world = {0, 0, 0}, .fov_y_rad = 0.4};
+const Camera kFlat{.eye_world = {5, -20, 25}, .target_world = {0, 0, 0}, .ortho_height_m = 18};
+INSTANTIATE_TEST_SUITE_P(
+    Scenes, CudaFormsTest,
+    testing::Values(Scene{.name = "Impostors", .agents = 50, .form = FormRule::kImpostor},
+                    Scene{.name = "ImpostorsClose",
+                          .agents = 50,
+                          .side_m = 8,
+                          .camera = kClose,
+                          .form = FormRule::kImpostor},
+                    Scene{.name = "ImpostorsFarInSharedPoses",
+                          .agents = 80,
+                          .camera = kAway,
+                          .pose_mode = PoseMode::kShared,
+                          .form = FormRule::kImpostor},
+                    Scene{.name = "ImpostorsOrthographic",
+                          .agents = 50,
+                          .camera = kFlat,
+                          .colors = true,
+                          .form = FormRule::kImpostor},
+                    Scene{.name = "Points", .agents = 50, .form = FormRule::kPoints},
+                    Scene{.name = "PointsClose",
+                          .agents = 50,
+                          .side_m = 8,
+                          .camera = kClose,
+                          .form = FormRule::kPoints},
+                    Scene{.name = "PointsFarInSharedPoses",
+                          .agents = 80,
+                          .camera = kAway,
+                          .pose_mode = PoseMode::kShared,
+                          .form = FormRule::kPoints},
+                    Scene{.name = "PointsOrthographic",
+                          .agents = 50,
+                          .camera = kFlat,
+                          .colors = true,
+                          .form = FormRule::kPoints}),
+    scene_name);
+
+TEST_F(CudaFormsTest, SplatsOfNobodyStandBesideMeshesAndAlone) {
+  const Scene scene{.agents = 30};
+  Renderer cpu = Renderer::on_processor(), cuda = Renderer::on_cuda();
+  ASSERT_NO_FATAL_FAILURE(generate_alone(cpu, scene));
+  ASSERT_NO_FATAL_FAILURE(generate_alone(cuda, scene));
+  std::vector<Splat> splats;
+  for (std::uint64_t i = 0; i < 400; ++i) {
+    const auto noise = [i](std::uint64_t k) { return static_cast<float>(test::noise(9 * i + k)); };
+    const glm::vec3 place(20 * noise(1) - 10, 4 + 20 * noise(2), 4 * noise(3) - 3);
+    const float radius_m = 0.02F + (i % 40 == 0 ? 0.8F : 0.1F) * noise(4);
+    splats.push_back({place, i % 3 == 0 ? -radius_m : radius_m,
+                      encode_octahedral(glm::normalize(glm::vec3(noise(5) - 0.5F, -1, 0.3F))),
+                      static_cast<std::uint32_t>(0x3fffffffU * noise(6)),
+                      i % 3 == 0 ? static_cast<std::uint32_t>(i % 256) : 0, kNobody});
+  }
+  for (const bool alone : {false, true}) {
+    Picture expected, actual;
+    for (Renderer* renderer : {&cpu, &cuda}) {
+      FrameGeometry geometry;
+      if (!alone) geometry = renderer->backend->geometry(*renderer->view);
+      geometry.splats = splats;
+      const absl::Status status =
+          draw(*renderer, geometry, scene, renderer == &cpu ? expected : actual);
+      ASSERT_TRUE(status.ok()) << status;
+    }
+    expect_same_picture(expected, actual);
+  }
+}
+
+TEST_F(CudaFormsTest, RefusesWhatIsNotWhole) {
+  const Scene scene{.agents = 20, .form = FormRule::kImpostor};
+  const auto cast = cast_with_forms();
+  const auto crowd = crowd_of(scene, cast);
+  Renderer cpu = Renderer::on_processor(), cuda = Renderer::on_cuda();
+  ASSERT_TRUE(cpu.upload(cast).ok());
+  ASSERT_TRUE(cuda.upload(cast).ok());
+  ASSERT_TRUE(generate(cpu, scene, *crowd, {}).ok());
+  const FrameGeometry whole = cpu.backend->geometry(*cpu.view);
+  Picture picture;
+  FrameGeometry geometry = whole;
+  geometry.joints = geometry.joints.first(16);
+  EXPECT_EQ(draw(cuda, geometry, scene, picture).code(), absl::StatusCode::kInvalidArgument);
+  geometry = whole;
+  geometry.jointed = {};
+  EXPECT_EQ(draw(cuda, geometry, scene, picture).code(), absl::StatusCode::kInvalidArgument);
+}
+
+}  // namespace
+}  // namespace throng::render
