@@ -6,6 +6,7 @@
 #include "render/compute/cpu/kernels.hpp"
 #include "render/compute/cpu/stages.hpp"
 #include "render/compute/cpu/want_poses.hpp"
+#include "render/compute/element/held_pose.hpp"
 #include "render/compute/element/octahedral.hpp"
 #include "render/compute/element/posed.hpp"
 #include "render/compute/element/shared_pose.hpp"
@@ -103,27 +104,18 @@ void place_posed(const float* posed, std::uint32_t stride, const CharacterTable&
   }
 }
 
-/// True where the agent's pose is not due and was drawn just so in the frame before, from where its
-/// vertices are moved.
+/// Moves the vertices of the frame before, where the pose is not due.
 bool move_held(const CpuView& view, std::size_t v, std::uint32_t first_vertex, BatchVertex* out) {
   const VisibleInstance& instance = view.visible[v];
-  const MotionUpdate& motion = view.motion;
-  const float beyond_m = view.distance_m[v] - motion.distance_m;
-  const CpuView::Held& held = view.held[instance.slot];
-  if (!(beyond_m > 0.0F) || held.first == CpuView::Held::kNothing ||
-      held.count != instance.vertex_count || held.character != instance.character ||
-      held.seed != instance.seed || held.first + held.count > view.held_vertices.size()) {
+  const element::HeldVertices& held = view.held[instance.slot];
+  if (!element::keeps_pose(view.motion, view.distance_m[v], instance, held,
+                           view.held_vertices.size())) {
     return false;
   }
-  const float steps = std::min(std::floor(motion.k_per_m * beyond_m), 1.0e6F);
-  const std::uint64_t every = 1 + static_cast<std::uint64_t>(std::max(steps, 0.0F));
-  if ((motion.frame + instance.slot) % every == 0) return false;
-  const glm::vec3 moved = instance.position_relative - held.position_relative;
   const BatchVertex* from = view.held_vertices.data() + held.first;
   for (std::uint32_t i = 0; i < held.count; ++i) {
-    out[first_vertex + i] = from[i];
-    out[first_vertex + i].position_relative += moved;
-    out[first_vertex + i].visible = static_cast<std::uint32_t>(v);
+    out[first_vertex + i] =
+        element::moved_vertex(from[i], instance, held, static_cast<std::uint32_t>(v));
   }
   return true;
 }
@@ -131,7 +123,7 @@ bool move_held(const CpuView& view, std::size_t v, std::uint32_t first_vertex, B
 /// Tells the next frame where this one's vertices are.
 void remember_vertices(CpuView& view) {
   if (view.held.empty()) return;
-  std::fill(view.held.begin(), view.held.end(), CpuView::Held{});
+  std::fill(view.held.begin(), view.held.end(), element::HeldVertices{});
   for (std::size_t v = 0; v < view.visible.size(); ++v) {
     const VisibleInstance& instance = view.visible[v];
     const std::uint32_t first = view.vertex_offset[v];

@@ -14,6 +14,7 @@
 #include "render/compute/cpu/posed_bank.hpp"
 #include "render/compute/cpu/work_pool.hpp"
 #include "render/compute/element/advance.hpp"
+#include "render/compute/element/held_pose.hpp"
 #include "render/compute/element/pose.hpp"
 #include "render/compute/element/selection.hpp"
 #include "render/compute/element/shared_pose.hpp"
@@ -72,13 +73,7 @@ struct CpuView final : ViewWork {
   Buffer<std::uint32_t> triangle_offset;  // [V+1]
   Buffer<BatchVertex> vertices;
   MotionUpdate motion;
-  struct Held {  // what a slot had in the frame before
-    static constexpr std::uint32_t kNothing = 0xffffffffU;
-    std::uint32_t first = kNothing;  // in held_vertices
-    std::uint32_t count = 0, character = 0, seed = 0;
-    glm::vec3 position_relative{0.0F};
-  };
-  std::vector<Held> held;  // [I], empty: nothing is held
+  std::vector<element::HeldVertices> held;  // [I] of the frame before, empty: nothing is held
   Buffer<BatchVertex> held_vertices;
   std::vector<std::uint32_t> held_poses;  // by worker
   Buffer<std::uint32_t> indices;

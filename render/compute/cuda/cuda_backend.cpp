@@ -74,6 +74,8 @@ struct CudaView final : ViewWork {
         vertex_offset(stream),
         triangle_offset(stream),
         vertices(stream),
+        held_vertices(stream),
+        held(stream),
         indices(stream),
         scratch(stream),
         sums(stream),
@@ -121,7 +123,11 @@ struct CudaView final : ViewWork {
   std::uint32_t posed_made = 0;  // in this frame
   DeviceBuffer<SharedInstance> shared;
   DeviceBuffer<std::uint32_t> share, vertex_count, triangle_count, vertex_offset, triangle_offset;
-  DeviceBuffer<BatchVertex> vertices;
+  DeviceBuffer<BatchVertex> vertices, held_vertices;  // of this frame and of the one before
+  MotionUpdate motion;
+  DeviceBuffer<element::HeldVertices> held;
+  std::uint32_t held_slots = 0;  // 0: nothing is held
+  std::uint64_t made_vertices = 0, held_total = 0;
   DeviceBuffer<std::uint32_t> indices;
   DeviceBuffer<std::byte> scratch;
   DeviceBuffer<SelectSums> sums;
@@ -137,7 +143,7 @@ struct CudaView final : ViewWork {
     const auto sum = [](const auto&... buffer) { return (buffer.size_bytes() + ...); };
     return sum(mask, order, visible, distance_m, tier, own, mesh, wanted, size, is_made, list,
                posed_table, shared, share, vertex_count, triangle_count, vertex_offset,
-               triangle_offset, vertices, indices, scratch, sums, counters);
+               triangle_offset, vertices, held_vertices, held, indices, scratch, sums, counters);
   }
 };
 
@@ -349,7 +355,11 @@ class CudaBackend final : public ComputeBackend {
     THRONG_CUDA_TRY(own->order.resize(slots), "cull");
     THRONG_CUDA_TRY(own->visible.resize(slots), "cull");
     THRONG_CUDA_TRY(own->distance_m.resize(slots), "cull");
-    THRONG_CUDA_TRY(own->counters.resize(1), "cull");
+    if (own->counters.data() == nullptr) {
+      THRONG_CUDA_TRY(own->counters.resize(1), "cull");
+      THRONG_CUDA_TRY(cudaMemsetAsync(own->counters.data(), 0, sizeof(DeviceCounters), stream_),
+                      "cull");
+    }
     CullJob job;
     job.frustum = own->frustum;
     job.eye_offset_m = camera.eye_world - own->instances->origin_world;
@@ -390,6 +400,7 @@ class CudaBackend final : public ComputeBackend {
     THRONG_CUDA_TRY(own->sums.resize(1), "select");
     own->on_device = selection.on_device;
     own->read_instances = selection.read_instances;
+    own->motion = selection.motion;
     own->share_poses = selection.pose_mode == PoseMode::kShared;
     own->fused = selection.geometry == GeometryKind::kFused;
     SelectJob job;
@@ -470,7 +481,9 @@ class CudaBackend final : public ComputeBackend {
     if (absl::Status status = check_batch(seen.own_vertices, seen.own_triangles); !status.ok()) {
       return status;
     }
+    if (absl::Status status = hold_vertices(*own, slots); !status.ok()) return status;
     THRONG_CUDA_TRY(own->vertices.resize(seen.own_vertices), "allocate");
+    own->made_vertices = seen.own_vertices;
     THRONG_CUDA_TRY(own->indices.resize(3 * seen.own_triangles), "allocate");
     if (own->fused) THRONG_CUDA_TRY(own->shared.resize(seen.visible), "allocate");
     own->stage = ViewStage::kAllocated;
@@ -504,7 +517,17 @@ class CudaBackend final : public ComputeBackend {
     job.triangle_offset = own->triangle_offset.data();
     job.vertices = own->vertices.data();
     job.indices = own->indices.data();
+    if (own->held_slots > 0) {
+      job.held = own->held.data();
+      job.slots = own->held_slots;
+      job.held_vertices = own->held_vertices.data();
+      job.held_total = own->held_total;
+      job.motion = own->motion;
+      job.distance_m = own->distance_m.data();
+      job.counters = own->counters.data();
+    }
     THRONG_CUDA_TRY(launch_generate(job, stream_), "generate");
+    THRONG_CUDA_TRY(launch_remember(job, stream_), "generate");
     THRONG_CUDA_TRY(own->moments.record(CudaView::kGenerateEnds, stream_, false), "generate");
     if (own->on_device) {
       if (absl::Status status = leave_geometry(*own); !status.ok()) return status;
@@ -546,6 +569,7 @@ class CudaBackend final : public ComputeBackend {
     if (own->stage < ViewStage::kGenerated) return counters;
     counters.posed_meshes = own->posed_made;
     counters.posed_bytes = own->posed.size_bytes();
+    counters.held_poses = seen.held_before;
     return counters;
   }
 
@@ -745,6 +769,31 @@ class CudaBackend final : public ComputeBackend {
         "generate");
     THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), "generate");
     view.geometry.instances = {static_cast<const VisibleInstance*>(view.read_back.data()), count};
+    return absl::OkStatus();
+  }
+
+  /// The vertices of the frame before, for who is moved as it was (MotionUpdate).
+  absl::Status hold_vertices(CudaView& view, std::uint32_t slots) {
+    if (!(view.motion.distance_m > 0.0F) || slots == 0) {
+      view.held_slots = 0;
+      return absl::OkStatus();
+    }
+    view.vertices.swap(view.held_vertices);
+    view.held_total = view.held_slots > 0 ? view.made_vertices : 0;
+    if (slots <= view.held_slots) return absl::OkStatus();
+    DeviceBuffer<element::HeldVertices> held(stream_);
+    THRONG_CUDA_TRY(held.resize(slots), "allocate");
+    THRONG_CUDA_TRY(
+        cudaMemsetAsync(held.data(), 0xff, slots * sizeof(element::HeldVertices), stream_),
+        "allocate");
+    if (view.held_slots > 0) {
+      THRONG_CUDA_TRY(cudaMemcpyAsync(held.data(), view.held.data(),
+                                      view.held_slots * sizeof(element::HeldVertices),
+                                      cudaMemcpyDeviceToDevice, stream_),
+                      "allocate");
+    }
+    view.held.swap(held);
+    view.held_slots = slots;
     return absl::OkStatus();
   }
 

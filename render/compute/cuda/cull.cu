@@ -15,7 +15,7 @@ __global__ void mask_kernel(CullJob job) {
   const glm::vec4 sphere = element::relative_sphere(job.sphere_m[slot], job.eye_offset_m);
   std::uint8_t is_visible = element::touches(job.frustum, sphere) ? 1 : 0;
   if (is_visible != 0 && job.far_m > 0.0F && slot < job.agents &&
-      element::feet_distance(job.state[slot], job.eye_offset_m) >= job.far_m) {
+      element::feet_distance(job.state[slot].position_m, job.eye_offset_m) >= job.far_m) {
     is_visible = 0;
   }
   job.mask[slot] = is_visible;

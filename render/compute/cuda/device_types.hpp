@@ -6,6 +6,7 @@
 #include "render/compute/element/advance.hpp"
 #include "render/compute/element/frustum.hpp"
 #include "render/compute/element/gait.hpp"
+#include "render/compute/element/held_pose.hpp"
 #include "render/compute/element/rate_search.hpp"
 #include "render/compute/element/selection.hpp"
 #include "render/compute/element/shared_pose.hpp"
@@ -69,6 +70,7 @@ struct DeviceCounters {
   // of them in the batched arrays, by how many instances
   std::uint64_t own_vertices = 0, own_triangles = 0;
   std::uint32_t own = 0, shared = 0;
+  std::uint32_t held = 0, held_before = 0;  // poses that were kept, in this frame and the last
   // posed meshes that are wanted, and of them those that are not there
   std::uint64_t all_values = 0, new_values = 0;
   std::uint64_t all_meshes = 0, new_meshes = 0;
@@ -179,6 +181,14 @@ struct GenerateJob {
   const std::uint32_t* triangle_offset = nullptr;  // [V+1]
   BatchVertex* vertices = nullptr;
   std::uint32_t* indices = nullptr;
+  // MotionUpdate; null: every pose is due
+  element::HeldVertices* held = nullptr;  // [I] of the frame before, then of this one
+  std::uint32_t slots = 0;                // of `held`
+  const BatchVertex* held_vertices = nullptr;
+  std::uint64_t held_total = 0;  // of them
+  MotionUpdate motion{};
+  const float* distance_m = nullptr;   // [V]
+  DeviceCounters* counters = nullptr;  // [1] held is written
 };
 
 }  // namespace throng::render::cuda

@@ -62,6 +62,50 @@ __device__ void place_shared(const GenerateJob& job, std::uint32_t visible,
   }
 }
 
+/// Corners follow their collapse targets until they are among the vertices left.
+__device__ void make_triangles(const GenerateJob& job, std::uint32_t visible,
+                               const VisibleInstance& instance, const DeviceCharacter& character) {
+  const std::uint32_t count = instance.vertex_count, first_vertex = job.vertex_offset[visible];
+  const std::uint32_t* target = job.cast.collapse_target + character.first_vertex;
+  const glm::uvec3* triangle = job.cast.triangle + character.first_triangle;
+  std::uint32_t* index = job.indices + std::size_t{3} * job.triangle_offset[visible];
+  for (std::uint32_t t = threadIdx.x; t < instance.triangle_count; t += kThreads) {
+    const glm::uvec3 corners = triangle[t];
+    for (int k = 0; k < 3; ++k) {
+      std::uint32_t corner = corners[k];
+      while (corner >= count) corner = target[corner];
+      index[3 * t + k] = first_vertex + corner;
+    }
+  }
+}
+
+/// Moves the vertices of the frame before, where the pose is not due.
+__device__ bool move_held(const GenerateJob& job, std::uint32_t visible,
+                          const VisibleInstance& instance) {
+  const element::HeldVertices held = job.held[instance.slot];
+  if (!element::keeps_pose(job.motion, job.distance_m[visible], instance, held, job.held_total)) {
+    return false;
+  }
+  const BatchVertex* from = job.held_vertices + held.first;
+  BatchVertex* to = job.vertices + job.vertex_offset[visible];
+  for (std::uint32_t i = threadIdx.x; i < held.count; i += kThreads) {
+    to[i] = element::moved_vertex(from[i], instance, held, visible);
+  }
+  if (threadIdx.x == 0) atomicAdd(&job.counters->held, 1U);
+  return true;
+}
+
+/// Tells the next frame where this one's vertices are.
+__global__ void remember_kernel(GenerateJob job) {
+  const std::uint32_t i = blockIdx.x * blockDim.x + threadIdx.x;
+  if (i >= job.visible) return;
+  const VisibleInstance& instance = job.instance[i];
+  const std::uint32_t first = job.vertex_offset[i], count = job.vertex_offset[i + 1] - first;
+  if (count == 0) return;
+  job.held[instance.slot] = {first, count, instance.character, instance.seed,
+                             instance.position_relative};
+}
+
 /// One block an instance. Its palette is mixed once, in shared memory (a joint index is 8 bits);
 /// then the threads take its vertices and its triangles.
 __global__ void generate_kernel(GenerateJob job) {
@@ -71,6 +115,10 @@ __global__ void generate_kernel(GenerateJob job) {
   const DeviceCharacter& character = job.cast.character[instance.character];
   if (job.mesh[visible] != PosedJob::kNoMesh) {  // the same for all threads
     place_shared(job, visible, instance, character);
+    return;
+  }
+  if (job.held != nullptr && move_held(job, visible, instance)) {  // the same for all threads
+    make_triangles(job, visible, instance, character);
     return;
   }
   const element::InstanceState& state = job.state[instance.slot];
@@ -96,18 +144,7 @@ __global__ void generate_kernel(GenerateJob job) {
     vertex.visible = visible;
   }
 
-  // Corners follow their collapse targets until they are among the vertices left.
-  const std::uint32_t* target = job.cast.collapse_target + character.first_vertex;
-  const glm::uvec3* triangle = job.cast.triangle + character.first_triangle;
-  std::uint32_t* index = job.indices + std::size_t{3} * job.triangle_offset[visible];
-  for (std::uint32_t t = threadIdx.x; t < instance.triangle_count; t += kThreads) {
-    const glm::uvec3 corners = triangle[t];
-    for (int k = 0; k < 3; ++k) {
-      std::uint32_t corner = corners[k];
-      while (corner >= count) corner = target[corner];
-      index[3 * t + k] = first_vertex + corner;
-    }
-  }
+  make_triangles(job, visible, instance, character);
 }
 
 }  // namespace
@@ -118,9 +155,22 @@ cudaError_t launch_generate(const GenerateJob& job, cudaStream_t stream) {
     constexpr std::uint32_t kFlat = 256;
     THRONG_LAUNCH_APART(list_kernel, (job.visible + kFlat - 1) / kFlat, kFlat, stream, job);
   }
-  if (job.own == 0) return cudaGetLastError();
-  const std::size_t shared_bytes = job.most_joints * sizeof(element::JointMatrix);
-  THRONG_LAUNCH(generate_kernel, job.own, kThreads, shared_bytes, stream, job);
+  if (job.own > 0) {
+    const std::size_t shared_bytes = job.most_joints * sizeof(element::JointMatrix);
+    THRONG_LAUNCH(generate_kernel, job.own, kThreads, shared_bytes, stream, job);
+  }
+  return cudaGetLastError();
+}
+
+cudaError_t launch_remember(const GenerateJob& job, cudaStream_t stream) {
+  if (job.held == nullptr) return cudaSuccess;
+  if (const cudaError_t error =
+          cudaMemsetAsync(job.held, 0xff, job.slots * sizeof *job.held, stream);
+      error != cudaSuccess || job.visible == 0) {
+    return error;
+  }
+  constexpr std::uint32_t kFlat = 256;
+  THRONG_LAUNCH_APART(remember_kernel, (job.visible + kFlat - 1) / kFlat, kFlat, stream, job);
   return cudaGetLastError();
 }
 

@@ -40,6 +40,9 @@ cudaError_t launch_make_posed(const PosedJob& job, void* scratch, std::size_t sc
 /// fused geometry the others are listed.
 cudaError_t launch_generate(const GenerateJob& job, cudaStream_t stream);
 
+/// Where this frame's vertices are, for the next one (MotionUpdate). After launch_generate.
+cudaError_t launch_remember(const GenerateJob& job, cudaStream_t stream);
+
 /// Runs an empty kernel: fails where the device can't run what was built.
 cudaError_t probe_kernels(cudaStream_t stream);
 

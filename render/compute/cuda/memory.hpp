@@ -41,6 +41,11 @@ class DeviceBuffer {
         data_(std::exchange(other.data_, nullptr)),
         capacity_(std::exchange(other.capacity_, 0)) {}
   DeviceBuffer& operator=(DeviceBuffer&&) = delete;
+  /// Both are of one stream.
+  void swap(DeviceBuffer& other) {
+    std::swap(data_, other.data_);
+    std::swap(capacity_, other.capacity_);
+  }
 
   cudaError_t resize(std::size_t size) {
     if (size <= capacity_) return cudaSuccess;

@@ -51,6 +51,8 @@ __global__ void begin_kernel(SelectJob job) {
   job.counters->own_triangles = 0;
   job.counters->own = 0;
   job.counters->shared = 0;
+  job.counters->held_before = job.counters->held;
+  job.counters->held = 0;
   const std::uint64_t rate = element::rate_of(budget, sums.shares);
   if (job.deal_again && job.counters->visible > 0) {
     sums.search = element::begin_search(budget > sums.least ? budget : sums.least, rate, sums.least,

@@ -50,7 +50,8 @@ nlohmann::ordered_json json_of(const Timing& timing) {
 
 absl::Status run_figure7(const Common& common, const PaperOptions& options) {
   auto pipeline = render::FramePipeline::make(
-      common.cast, {.raster = options.raster, .threads = common.threads});
+      common.cast,
+      {.backend = options.compute, .raster = options.raster, .threads = common.threads});
   if (!pipeline.ok()) return pipeline.status();
   auto instancing = Instancing::make(common.cast);
   if (!instancing.ok()) return instancing.status();
@@ -209,7 +210,8 @@ absl::Status run_figure7(const Common& common, const PaperOptions& options) {
                                  {"machine", common.machine.json()},
                                  {"width_px", common.viewport.width_px},
                                  {"height_px", common.viewport.height_px},
-                                 {"raster", raster},
+                                 {"raster", (*pipeline)->raster_info().name},
+                                 {"instancing", (*instancing)->device()},
                                  {"rows", nlohmann::ordered_json::array()}};
   for (std::size_t c = 0; c < done; ++c) {
     nlohmann::ordered_json row = {{"instances", options.counts[c]}};

@@ -13,7 +13,9 @@ namespace throng::bench {
 /// clock, table 2's budgets and crowds up to a million agents, and what the two pictures differ in.
 /// Prints its tables and returns their JSON.
 /// @param frames  of the walkthrough, evenly spread
+/// @param options  the walkthrough's camera file; trajectory files: they are measured instead
 absl::StatusOr<nlohmann::ordered_json> measure_gpu_frames(const Common& common,
-                                                          std::uint32_t frames);
+                                                          std::uint32_t frames,
+                                                          const GpuOptions& options);
 
 }  // namespace throng::bench

@@ -108,6 +108,8 @@ class GlInstancing final : public Instancing {
     release_target();
   }
 
+  std::string device() const override { return context_->renderer(); }
+
   absl::Status prepare(const Cast& cast) {
     render::gl::BoundContext bound(*context_);
     if (!bound.status().ok()) return bound.status();

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "throng/render/asset.hpp"
@@ -39,6 +40,9 @@ class Instancing {
   /// Sorts the agents by character and level, draws and reads back.
   virtual absl::Status draw(std::span<const InstancedAgent> agents, const render::Camera& camera,
                             const render::Viewport& viewport, render::Picture& picture) = 0;
+
+  /// What OpenGL says it draws on.
+  virtual std::string device() const = 0;
 
   /// Triangles of a level of a character.
   virtual std::uint32_t triangles(std::uint32_t character, std::uint32_t level) const = 0;

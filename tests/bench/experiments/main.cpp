@@ -103,6 +103,7 @@ struct Flags {
   LarkinOptions larkin;
   SfsmOptions sfsm;
   RasterOptions raster_pairs;
+  GpuOptions gpu;
 };
 
 /// How many of something, from 1.
@@ -306,10 +307,17 @@ int run(int argc, char** argv) {
   CLI::App* gpu =
       app.add_subcommand("gpu", "Visibility on a CUDA device: triangles a second, atomics, memory");
   add_common(*gpu, flags);
-  std::uint32_t draws = 20;
-  gpu->add_option("--draws", draws, "Draws of each case")
+  gpu->add_option("--draws", flags.gpu.draws, "Draws of each case")
       ->capture_default_str()
       ->check(CLI::Range(1U, 10'000U));
+  gpu->add_option("--camera", flags.gpu.camera_path, "Camera path instead of the walkthrough's")
+      ->type_name("FILE")
+      ->check(CLI::ExistingFile);
+  gpu->add_option("--trajectory", flags.gpu.trajectories, "Draw the crowds of these files instead")
+      ->type_name("FILE")
+      ->check(CLI::ExistingFile);
+  gpu->add_option("--most-agents", flags.gpu.most_agents, "Leave larger crowds out")
+      ->capture_default_str();
 
   CLI::App* larkin =
       app.add_subcommand("larkin", "Larkin et al.: a far crowd under a fixed budget of points");
@@ -432,7 +440,7 @@ int run(int argc, char** argv) {
              : figure == 7 ? run_figure7(flags.common, flags.paper)
                            : run_paper(flags.common, flags.paper);
   }
-  if (*gpu) status = run_gpu(flags.common, draws);
+  if (*gpu) status = run_gpu(flags.common, flags.gpu);
   if (*all) status = run_all(flags.common, json_dir);
   if (*mixed) status = run_mixed(flags.common, flags.mixed);
   if (*beacco) status = run_beacco2010(flags.common, flags.beacco);

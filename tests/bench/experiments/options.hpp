@@ -120,6 +120,13 @@ struct SfsmOptions {
   std::string pictures;       // folder, empty: none
 };
 
+struct GpuOptions {
+  std::uint32_t draws = 20;
+  std::string camera_path;                // file, empty: the walkthrough that comes with the bench
+  std::vector<std::string> trajectories;  // files: only their crowds are drawn
+  std::uint32_t most_agents = 1'000'000;  // larger crowds are left out
+};
+
 /// Every experiment, short enough for all of them to end within ten minutes on two cores.
 /// @param folder  of the JSON files, one for each experiment.
 absl::Status run_all(const Common& common, const std::string& folder);
@@ -155,6 +162,6 @@ absl::Status run_sfsm(const Common& common, const SfsmOptions& options);
 absl::Status run_raster(const Common& common, const RasterOptions& options);
 
 /// The rasterizer on a CUDA device, and the device's own rates. Unavailable without one.
-absl::Status run_gpu(const Common& common, std::uint32_t draws);
+absl::Status run_gpu(const Common& common, const GpuOptions& options);
 
 }  // namespace throng::bench

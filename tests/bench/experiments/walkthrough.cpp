@@ -39,7 +39,21 @@ absl::StatusOr<Walkthrough> Walkthrough::make(std::shared_ptr<const render::Cast
   return walkthrough;
 }
 
+absl::StatusOr<Walkthrough> Walkthrough::of_file(std::shared_ptr<const render::Cast> cast,
+                                                 const std::string& file) {
+  auto reader = trajectory::open(file);
+  if (!reader.ok()) return reader.status();
+  Walkthrough walkthrough;
+  walkthrough.reader_ = *std::move(reader);
+  walkthrough.begins_us_ = -1;
+  render::CrowdSettings settings;
+  settings.history_limit_bytes = 1;
+  walkthrough.crowd_ = std::make_unique<render::Crowd>(std::move(cast), settings);
+  return walkthrough;
+}
+
 absl::Status Walkthrough::push() {
+  if (begins_us_ < 0) begins_us_ = frame_.time_us;
   // who walks out at one end is somebody else who comes in at the other
   if (membership_ == nullptr || membership_->ids != frame_.ids) {
     auto membership = std::make_shared<render::Membership>();
@@ -48,14 +62,14 @@ absl::Status Walkthrough::push() {
     membership_ = std::move(membership);
   }
   render::AgentFrame agents;
-  agents.time_us = frame_.time_us;
+  agents.time_us = frame_.time_us - begins_us_;
   agents.membership = membership_;
   agents.position_m.reserve(frame_.ids.size());
   for (std::size_t i = 0; i < frame_.ids.size(); ++i) {
     agents.position_m.emplace_back(frame_.x_m[i], frame_.y_m[i], 0.0);
   }
   agents.heading_rad = frame_.heading_rad;
-  pushed_us_ = frame_.time_us;
+  pushed_us_ = agents.time_us;
   return crowd_->push(std::move(agents));
 }
 
@@ -70,6 +84,11 @@ absl::Status Walkthrough::advance_to(std::uint32_t frame) {
 }
 
 render::Camera Walkthrough::camera(std::uint32_t frame) const {
+  if (agents_ == 0) {
+    const auto newest = crowd_->newest();
+    return render::overview_camera(newest->low_m,
+                                   glm::dvec3(newest->high_m) + glm::dvec3(0.0, 0.0, 1.9), {});
+  }
   return scale_camera(path_->at(static_cast<double>(frame) / kFramesPerSecond, *crowd_), agents_);
 }
 

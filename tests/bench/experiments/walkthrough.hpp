@@ -28,6 +28,10 @@ class Walkthrough {
                                           std::uint32_t agents,
                                           const std::string& camera_file = "");
 
+  /// A trajectory file's crowd, seen from over it; its time begins at 0.
+  static absl::StatusOr<Walkthrough> of_file(std::shared_ptr<const render::Cast> cast,
+                                             const std::string& file);
+
   /// Scene time of a frame, from 0 on.
   static std::int64_t time_us(std::uint32_t frame) {
     return static_cast<std::int64_t>(frame) * 40'000;
@@ -43,13 +47,14 @@ class Walkthrough {
   Walkthrough() = default;
   absl::Status push();
 
-  std::uint32_t agents_ = 0;
+  std::uint32_t agents_ = 0;  // 0: those of a file
   std::unique_ptr<trajectory::Reader> reader_;
   trajectory::Frame frame_;
   std::shared_ptr<const render::Membership> membership_;
   std::unique_ptr<render::Crowd> crowd_;
   std::shared_ptr<const server::CameraPath> path_;
   std::int64_t pushed_us_ = -1;
+  std::int64_t begins_us_ = 0;
 };
 
 /// A camera of the path moved to a crowd of `agents` (see Walkthrough).

@@ -246,6 +246,52 @@ TEST_F(CudaFrameTest, KeepsPosedMeshesFromFrameToFrame) {
   EXPECT_EQ(made[3], 0U);
 }
 
+TEST_F(CudaFrameTest, HoldsPosesAsTheProcessor) {
+  Scene scene{.agents = 80, .side_m = 40};
+  Surroundings none;
+  const auto cast = cast_of(scene, none);
+  const auto crowd = crowd_of(scene, cast);
+  Renderer cpu = Renderer::on_processor(), cuda = Renderer::on_cuda();
+  cuda.on_device = false;
+  ASSERT_TRUE(cpu.upload(cast).ok());
+  ASSERT_TRUE(cuda.upload(cast).ok());
+  std::uint32_t held = 0, held_before = 0;
+  for (std::uint64_t frame = 0; frame < 6; ++frame) {
+    scene.time_us = 10'000 + 18'000 * static_cast<std::int64_t>(frame);
+    // one frame of all poses in between
+    scene.motion = {.distance_m = frame == 3 ? 0.0F : 8.0F, .k_per_m = 0.3F, .frame = frame};
+    for (Renderer* renderer : {&cpu, &cuda}) {
+      const absl::Status status = generate(*renderer, scene, *crowd, none);
+      ASSERT_TRUE(status.ok()) << status;
+    }
+    const FrameGeometry expected = cpu.backend->geometry(*cpu.view);
+    const FrameGeometry actual = cuda.backend->geometry(*cuda.view);
+    expect_same_bytes(expected.vertices, actual.vertices, "vertices");
+    expect_same_bytes(expected.indices, actual.indices, "indices");
+    EXPECT_EQ(cuda.backend->counters(*cuda.view).held_poses, held_before);
+    held_before = cpu.backend->counters(*cpu.view).held_poses;
+    held += held_before;
+  }
+  EXPECT_GT(held, 20U);
+}
+
+TEST_F(CudaFrameTest, CullsWhoBelongsToTheFarCrowd) {
+  const Scene scene{.agents = 80, .side_m = 40};
+  Surroundings none;
+  const auto cast = cast_of(scene, none);
+  const auto crowd = crowd_of(scene, cast);
+  Renderer cpu = Renderer::on_processor(), cuda = Renderer::on_cuda();
+  cuda.on_device = false;
+  for (Renderer* renderer : {&cpu, &cuda}) {
+    ASSERT_TRUE(renderer->upload(cast).ok());
+    renderer->view->far_m = 15.0F;
+    ASSERT_TRUE(generate(*renderer, scene, *crowd, none).ok());
+  }
+  const FrameGeometry expected = cpu.backend->geometry(*cpu.view);
+  ASSERT_GT(expected.instances.size(), 5U);
+  expect_same_bytes(expected.instances, cuda.backend->geometry(*cuda.view).instances, "instances");
+}
+
 TEST_F(CudaFrameTest, RefusesWhatItCanNotDraw) {
   const Scene scene{.agents = 5};
   Surroundings none;

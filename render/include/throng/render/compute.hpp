@@ -61,19 +61,6 @@ struct ViewWork {
   float far_m = 0.0F;
 };
 
-/// Variable-frequency motion update (Lyu et al., 3.1): who is farther than `distance_m` is posed
-/// only every f-th frame and moved as it is in between,
-///
-///     f = 1 + floor(k (D - distance_m))
-///
-/// evenly spread over the frames by slot. The paper's own formula is not in our copy; this one is
-/// reconstructed from its text. Pictures then depend on the frames before, so it is off by default.
-struct MotionUpdate {
-  float distance_m = 0.0F;  // 0: every agent in every frame
-  float k_per_m = 0.075F;   // 0.05 to 0.1
-  std::uint64_t frame = 0;  // rises by one from frame to frame of a view
-};
-
 /// LOD selection by equation 1 of Dong & Peng 2019 with w_i = A_i / D_i, alpha = 3.
 struct Selection {
   std::uint64_t vertex_budget = 1'000'000;  // N
@@ -144,14 +131,15 @@ struct ComputeCounters {
   std::uint32_t drawn_as[kRepresentations] = {};  // visible agents by Representation
   std::uint64_t vertices = 0, triangles = 0;
   std::uint64_t effective_budget = 0;  // max(N, sum of n_min)
-  std::uint32_t held_poses = 0;        // agents moved as they were (MotionUpdate)
-  std::uint32_t shared_poses = 0;      // agents that share theirs
-  std::uint32_t posed_meshes = 0;      // made for this frame; the rest were there
-  FrameWork work{};                    // where MixedForms::budget_ms was asked for: an estimate
-  float error_px = 0.0F;               // and what was chosen for it
-  float farthest_m = 0.0F;             // visible agent that is no speck
-  std::uint64_t view_bytes = 0;        // memory of the view
-  std::uint64_t posed_bytes = 0;       // of posed meshes, shared by all views
+  // agents moved as they were (MotionUpdate); of the cuda backend in the frame before
+  std::uint32_t held_poses = 0;
+  std::uint32_t shared_poses = 0;  // agents that share theirs
+  std::uint32_t posed_meshes = 0;  // made for this frame; the rest were there
+  FrameWork work{};                // where MixedForms::budget_ms was asked for: an estimate
+  float error_px = 0.0F;           // and what was chosen for it
+  float farthest_m = 0.0F;         // visible agent that is no speck
+  std::uint64_t view_bytes = 0;    // memory of the view
+  std::uint64_t posed_bytes = 0;   // of posed meshes, shared by all views
   DeviceTimes device;
 };
 

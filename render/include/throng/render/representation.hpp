@@ -69,6 +69,19 @@ struct MixedForms {
   WorkCost cost{};
 };
 
+/// Variable-frequency motion update (Lyu et al., 3.1): who is farther than `distance_m` is posed
+/// only every f-th frame and moved as it is in between,
+///
+///     f = 1 + floor(k (D - distance_m))
+///
+/// evenly spread over the frames by slot. The paper's own formula is not in our copy; this one is
+/// reconstructed from its text. Pictures then depend on the frames before, so it is off by default.
+struct MotionUpdate {
+  float distance_m = 0.0F;  // 0: every agent in every frame
+  float k_per_m = 0.075F;   // 0.05 to 0.1
+  std::uint64_t frame = 0;  // rises by one from frame to frame of a view
+};
+
 /// A visible instance of fused geometry. 24 bytes.
 struct SharedInstance {
   static constexpr std::uint32_t kOwn = 0xffffffffU;

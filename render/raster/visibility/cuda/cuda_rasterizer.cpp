@@ -189,13 +189,20 @@ class CudaRasterizer final : public Rasterizer {
   explicit CudaRasterizer(int device)
       : device_(device), device_name_(render::cuda::device_name(device)) {}
 
+  /// Room for `count` values, which kernels find through `to`.
   template <typename T>
-  cudaError_t copy(const T* from, std::size_t count, DeviceBuffer<T>& to) {
-    if (const cudaError_t error = to.resize(std::max<std::size_t>(count, 1));
-        error != cudaSuccess || count == 0) {
-      return error;
-    }
-    return cudaMemcpyAsync(to.data(), from, count * sizeof(T), cudaMemcpyHostToDevice, stream_);
+  static cudaError_t give(DeviceBuffer<T>& buffer, std::size_t count, T*& to) {
+    const cudaError_t error = buffer.resize(count);
+    to = buffer.data();
+    return error;
+  }
+  /// The same with values from the host.
+  template <typename T>
+  cudaError_t copy(const T* from, std::size_t count, DeviceBuffer<T>& buffer, const T*& to) {
+    const cudaError_t error = buffer.resize(std::max<std::size_t>(count, 1));
+    to = buffer.data();
+    if (error != cudaSuccess || count == 0) return error;
+    return cudaMemcpyAsync(buffer.data(), from, count * sizeof(T), cudaMemcpyHostToDevice, stream_);
   }
 
   absl::Status check(const FrameGeometry& geometry, const Viewport& viewport) const;
@@ -286,38 +293,35 @@ absl::Status CudaRasterizer::upload(std::shared_ptr<const Cast> cast) {
     device_levels.push_back({level.vertex_count, level.triangle_count, level.first_triangle});
   }
   Buffers& b = *buffers_;
-  THRONG_CUDA_TRY(copy(characters.data(), characters.size(), b.character), kUpload);
-  THRONG_CUDA_TRY(copy(textures->texels.data(), textures->texels.size(), b.texels), kUpload);
-  THRONG_CUDA_TRY(copy(flags.data(), flags.size(), b.flags), kUpload);
-  THRONG_CUDA_TRY(copy(device_levels.data(), device_levels.size(), b.level), kUpload);
-  THRONG_CUDA_TRY(copy(levels.corners.data(), levels.corners.size(), b.level_corners), kUpload);
-  THRONG_CUDA_TRY(copy(level_at.data(), level_at.size(), b.level_at), kUpload);
-  THRONG_CUDA_TRY(copy(uv.data(), uv.size(), b.uv), kUpload);
-  THRONG_CUDA_TRY(copy(tones.data(), tones.size(), b.tones), kUpload);
-  THRONG_CUDA_TRY(copy(bands.data(), bands.size(), b.band), kUpload);
-  THRONG_CUDA_TRY(copy(corner_tones.data(), corner_tones.size(), b.corner_tones), kUpload);
-  THRONG_CUDA_TRY(copy(relief_members.data(), relief_members.size(), b.relief_member), kUpload);
-  THRONG_CUDA_TRY(copy(reliefs->boxes.data(), reliefs->boxes.size(), b.relief_box), kUpload);
-  THRONG_CUDA_TRY(copy(reliefs->shape.data(), reliefs->shape.size(), b.relief_shape), kUpload);
-  THRONG_CUDA_TRY(copy(reliefs->base.data(), reliefs->base.size(), b.relief_base), kUpload);
-  THRONG_CUDA_TRY(copy(reliefs->regions.data(), reliefs->regions.size(), b.relief_regions),
+  THRONG_CUDA_TRY(copy(characters.data(), characters.size(), b.character, device.character),
+                  kUpload);
+  THRONG_CUDA_TRY(copy(textures->texels.data(), textures->texels.size(), b.texels, device.texels),
+                  kUpload);
+  THRONG_CUDA_TRY(copy(flags.data(), flags.size(), b.flags, device.triangle_flags), kUpload);
+  THRONG_CUDA_TRY(copy(device_levels.data(), device_levels.size(), b.level, device.level), kUpload);
+  THRONG_CUDA_TRY(
+      copy(levels.corners.data(), levels.corners.size(), b.level_corners, device.level_corners),
+      kUpload);
+  THRONG_CUDA_TRY(copy(level_at.data(), level_at.size(), b.level_at, device.level_at), kUpload);
+  THRONG_CUDA_TRY(copy(uv.data(), uv.size(), b.uv, device.uv), kUpload);
+  THRONG_CUDA_TRY(copy(tones.data(), tones.size(), b.tones, device.tones), kUpload);
+  THRONG_CUDA_TRY(copy(bands.data(), bands.size(), b.band, device.band), kUpload);
+  THRONG_CUDA_TRY(
+      copy(corner_tones.data(), corner_tones.size(), b.corner_tones, device.corner_tones), kUpload);
+  THRONG_CUDA_TRY(
+      copy(relief_members.data(), relief_members.size(), b.relief_member, device.relief_member),
+      kUpload);
+  THRONG_CUDA_TRY(
+      copy(reliefs->boxes.data(), reliefs->boxes.size(), b.relief_box, device.relief_box), kUpload);
+  THRONG_CUDA_TRY(
+      copy(reliefs->shape.data(), reliefs->shape.size(), b.relief_shape, device.relief_shape),
+      kUpload);
+  THRONG_CUDA_TRY(
+      copy(reliefs->base.data(), reliefs->base.size(), b.relief_base, device.relief_base), kUpload);
+  THRONG_CUDA_TRY(copy(reliefs->regions.data(), reliefs->regions.size(), b.relief_regions,
+                       device.relief_regions),
                   kUpload);
   THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), kUpload);  // the vectors end here
-  device.character = b.character.data();
-  device.texels = b.texels.data();
-  device.triangle_flags = b.flags.data();
-  device.level = b.level.data();
-  device.level_corners = b.level_corners.data();
-  device.level_at = b.level_at.data();
-  device.uv = b.uv.data();
-  device.tones = b.tones.data();
-  device.band = b.band.data();
-  device.corner_tones = b.corner_tones.data();
-  device.relief_member = b.relief_member.data();
-  device.relief_box = b.relief_box.data();
-  device.relief_shape = b.relief_shape.data();
-  device.relief_base = b.relief_base.data();
-  device.relief_regions = b.relief_regions.data();
   device_cast_ = device;
   cast_ = std::move(cast);
   return absl::OkStatus();
@@ -380,8 +384,7 @@ absl::Status CudaRasterizer::check(const FrameGeometry& geometry, const Viewport
 
 absl::Status CudaRasterizer::take_splats(std::span<const Splat> splats, RasterJob& job) {
   if (splats.empty()) return absl::OkStatus();
-  THRONG_CUDA_TRY(copy(splats.data(), splats.size(), buffers_->splats), kDraw);
-  job.splats = buffers_->splats.data();
+  THRONG_CUDA_TRY(copy(splats.data(), splats.size(), buffers_->splats, job.splats), kDraw);
   job.splat_count = static_cast<std::uint32_t>(splats.size());
   return absl::OkStatus();
 }
@@ -411,18 +414,22 @@ absl::Status CudaRasterizer::take_geometry(const FrameGeometry& geometry, Raster
   Buffers& b = *buffers_;
   const std::size_t count = geometry.instances.size();
   if (count == 0) return absl::OkStatus();
-  THRONG_CUDA_TRY(copy(geometry.instances.data(), count, b.instance), kDraw);
-  THRONG_CUDA_TRY(copy(geometry.vertex_offset.data(), count + 1, b.vertex_offset), kDraw);
-  THRONG_CUDA_TRY(copy(geometry.triangle_offset.data(), count + 1, b.triangle_offset), kDraw);
-  THRONG_CUDA_TRY(copy(geometry.vertices.data(), geometry.vertices.size(), b.vertices), kDraw);
-  THRONG_CUDA_TRY(copy(geometry.indices.data(), geometry.indices.size(), b.indices), kDraw);
+  THRONG_CUDA_TRY(copy(geometry.instances.data(), count, b.instance, job.instance), kDraw);
+  THRONG_CUDA_TRY(
+      copy(geometry.vertex_offset.data(), count + 1, b.vertex_offset, job.vertex_offset), kDraw);
+  THRONG_CUDA_TRY(
+      copy(geometry.triangle_offset.data(), count + 1, b.triangle_offset, job.triangle_offset),
+      kDraw);
+  THRONG_CUDA_TRY(
+      copy(geometry.vertices.data(), geometry.vertices.size(), b.vertices, job.vertices), kDraw);
+  THRONG_CUDA_TRY(copy(geometry.indices.data(), geometry.indices.size(), b.indices, job.indices),
+                  kDraw);
   if (!geometry.representation.empty()) {
-    THRONG_CUDA_TRY(copy(geometry.representation.data(), count, b.representation), kDraw);
-    THRONG_CUDA_TRY(copy(geometry.jointed.data(), count, b.jointed), kDraw);
-    THRONG_CUDA_TRY(copy(geometry.joints.data(), geometry.joints.size(), b.joints), kDraw);
-    job.representation = b.representation.data();
-    job.jointed = b.jointed.data();
-    job.joints = b.joints.data();
+    THRONG_CUDA_TRY(
+        copy(geometry.representation.data(), count, b.representation, job.representation), kDraw);
+    THRONG_CUDA_TRY(copy(geometry.jointed.data(), count, b.jointed, job.jointed), kDraw);
+    THRONG_CUDA_TRY(copy(geometry.joints.data(), geometry.joints.size(), b.joints, job.joints),
+                    kDraw);
   }
   job.count = static_cast<std::uint32_t>(count);
   job.vertices_total = static_cast<std::uint32_t>(geometry.vertices.size());
@@ -430,11 +437,6 @@ absl::Status CudaRasterizer::take_geometry(const FrameGeometry& geometry, Raster
   for (const VisibleInstance& instance : geometry.instances) {
     job.triangles_drawn += instance.triangle_count;
   }
-  job.instance = b.instance.data();
-  job.vertex_offset = b.vertex_offset.data();
-  job.triangle_offset = b.triangle_offset.data();
-  job.vertices = b.vertices.data();
-  job.indices = b.indices.data();
   return absl::OkStatus();
 }
 
@@ -442,60 +444,38 @@ absl::Status CudaRasterizer::make_room(RasterJob& job, std::uint32_t most_blocks
   Buffers& b = *buffers_;
   const std::size_t pixels = std::size_t{job.width_px} * job.height_px;
   const std::size_t words = std::size_t{16} * job.word_blocks_x * ((2 * job.height_px + 3) / 4);
-  THRONG_CUDA_TRY(b.counts.resize(1), kDraw);
-  job.counts = b.counts.data();
+  THRONG_CUDA_TRY(give(b.counts, 1, job.counts), kDraw);
   if (facts_ != nullptr) {
-    THRONG_CUDA_TRY(b.fact_depth.resize(pixels), kDraw);
-    THRONG_CUDA_TRY(b.fact_instance.resize(pixels), kDraw);
-    THRONG_CUDA_TRY(b.fact_bounds.resize(job.count), kDraw);
-    job.fact_depth = b.fact_depth.data();
-    job.fact_instance = b.fact_instance.data();
-    job.fact_bounds = b.fact_bounds.data();
+    THRONG_CUDA_TRY(give(b.fact_depth, pixels, job.fact_depth), kDraw);
+    THRONG_CUDA_TRY(give(b.fact_instance, pixels, job.fact_instance), kDraw);
+    THRONG_CUDA_TRY(give(b.fact_bounds, job.count, job.fact_bounds), kDraw);
   }
   if (!has_words(job)) return absl::OkStatus();
-  THRONG_CUDA_TRY(b.words.resize(words), kDraw);
-  job.words = b.words.data();
+  THRONG_CUDA_TRY(give(b.words, words, job.words), kDraw);
   if (job.count == 0) return absl::OkStatus();
   std::size_t scratch_bytes = 0;
   THRONG_CUDA_TRY(render::cuda::scan_scratch_bytes(job.count + 1, scratch_bytes), kDraw);
   THRONG_CUDA_TRY(b.scratch.resize(scratch_bytes), kDraw);
-  THRONG_CUDA_TRY(b.shade.resize(job.count), kDraw);
-  THRONG_CUDA_TRY(b.block_count.resize(job.count + 1), kDraw);
-  THRONG_CUDA_TRY(b.first_block.resize(job.count + 1), kDraw);
-  THRONG_CUDA_TRY(b.block_instance.resize(most_blocks), kDraw);
+  THRONG_CUDA_TRY(give(b.shade, job.count, job.shade), kDraw);
+  THRONG_CUDA_TRY(give(b.block_count, job.count + 1, job.block_count), kDraw);
+  THRONG_CUDA_TRY(give(b.first_block, job.count + 1, job.first_block), kDraw);
+  THRONG_CUDA_TRY(give(b.block_instance, most_blocks, job.block_instance), kDraw);
   if (job.shared != nullptr) {
-    THRONG_CUDA_TRY(b.own_blocks.resize(most_blocks), kDraw);
-    THRONG_CUDA_TRY(b.small_units.resize(job.count), kDraw);
-    THRONG_CUDA_TRY(b.large_units.resize(job.count), kDraw);
-    job.own_blocks = b.own_blocks.data();
-    job.small_units = b.small_units.data();
-    job.large_units = b.large_units.data();
+    THRONG_CUDA_TRY(give(b.own_blocks, most_blocks, job.own_blocks), kDraw);
+    THRONG_CUDA_TRY(give(b.small_units, job.count, job.small_units), kDraw);
+    THRONG_CUDA_TRY(give(b.large_units, job.count, job.large_units), kDraw);
   }
-  THRONG_CUDA_TRY(b.projected.resize(job.vertices_total), kDraw);
-  THRONG_CUDA_TRY(b.special.resize(job.triangles_total), kDraw);
-  THRONG_CUDA_TRY(b.large.resize(kLargeRoom), kDraw);
-  THRONG_CUDA_TRY(b.tiles.resize(kTileRoom), kDraw);
-  job.shade = b.shade.data();
-  job.block_count = b.block_count.data();
-  job.first_block = b.first_block.data();
-  job.block_instance = b.block_instance.data();
-  job.projected = b.projected.data();
-  job.special = b.special.data();
-  job.large = b.large.data();
-  job.tiles = b.tiles.data();
+  THRONG_CUDA_TRY(give(b.projected, job.vertices_total, job.projected), kDraw);
+  THRONG_CUDA_TRY(give(b.special, job.triangles_total, job.special), kDraw);
+  THRONG_CUDA_TRY(give(b.large, kLargeRoom, job.large), kDraw);
+  THRONG_CUDA_TRY(give(b.tiles, kTileRoom, job.tiles), kDraw);
   if (!job.scene.shadows) return absl::OkStatus();
-  THRONG_CUDA_TRY(b.candidates.resize(job.count), kDraw);
-  THRONG_CUDA_TRY(b.casters.resize(job.count), kDraw);
-  THRONG_CUDA_TRY(b.blobs.resize(job.count), kDraw);
-  THRONG_CUDA_TRY(b.blob_tiles.resize(kTileRoom), kDraw);
-  THRONG_CUDA_TRY(b.shadow.resize(words), kDraw);
-  THRONG_CUDA_TRY(b.blob_shadow.resize(pixels), kDraw);
-  job.candidates = b.candidates.data();
-  job.casters = b.casters.data();
-  job.blobs = b.blobs.data();
-  job.blob_tiles = b.blob_tiles.data();
-  job.shadow = b.shadow.data();
-  job.blob_shadow = b.blob_shadow.data();
+  THRONG_CUDA_TRY(give(b.candidates, job.count, job.candidates), kDraw);
+  THRONG_CUDA_TRY(give(b.casters, job.count, job.casters), kDraw);
+  THRONG_CUDA_TRY(give(b.blobs, job.count, job.blobs), kDraw);
+  THRONG_CUDA_TRY(give(b.blob_tiles, kTileRoom, job.blob_tiles), kDraw);
+  THRONG_CUDA_TRY(give(b.shadow, words, job.shadow), kDraw);
+  THRONG_CUDA_TRY(give(b.blob_shadow, pixels, job.blob_shadow), kDraw);
   return absl::OkStatus();
 }
 
