@@ -24,6 +24,15 @@ struct ErrorTable {
     const std::uint32_t step = bits - kFirstBits;
     return step < kSteps ? step : kSteps - 1;
   }
+
+  /// The same for a figure that may share its mesh, of at most `most` vertices: no more than those
+  /// where they are off by at most an octave more. One of its own takes several times as long.
+  std::uint32_t shared_count(std::uint32_t step, std::uint32_t most) const {
+    constexpr std::uint32_t kOctave = 8;
+    const std::uint32_t wanted = vertex_count[step];
+    const std::uint32_t coarser = step + kOctave < kSteps ? step + kOctave : kSteps - 1;
+    return wanted > most && vertex_count[coarser] <= most ? most : wanted;
+  }
 };
 
 ErrorTable make_error_table(const Character& character);

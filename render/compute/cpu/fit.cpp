@@ -66,12 +66,13 @@ FrameWork work_of(const std::vector<Sample>& samples, std::uint32_t every, const
       sum[FrameWork::kSpeckPixels] += kept * kept * (height_px + 1.0F) * (0.4F * height_px + 1.5F);
       continue;
     }
-    const std::uint32_t vertices =
-        one.error->vertex_count[ErrorTable::step_of(error_px / (one.px_per_m * one.limit))];
-    const bool shares = one.may_share && selection.pose_mode == PoseMode::kShared &&
-                        one.height_px * element::tier_error(0) < pose_error_px &&
-                        one.radius_px < element::kSharedRadiusPx &&
-                        vertices <= LevelTable::kMostVertices;
+    const std::uint32_t step = ErrorTable::step_of(error_px / (one.px_per_m * one.limit));
+    bool shares = one.may_share && selection.pose_mode == PoseMode::kShared &&
+                  one.height_px * element::tier_error(0) < pose_error_px &&
+                  one.radius_px < element::kSharedRadiusPx;
+    const std::uint32_t vertices = shares ? one.error->shared_count(step, LevelTable::kMostVertices)
+                                          : one.error->vertex_count[step];
+    shares = shares && vertices <= LevelTable::kMostVertices;
     sum[shares ? FrameWork::kShared : FrameWork::kOwn] += 1.0;
     sum[shares ? FrameWork::kSharedVertices : FrameWork::kOwnVertices] += vertices;
     sum[FrameWork::kMeshPixels] +=

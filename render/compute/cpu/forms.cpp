@@ -26,8 +26,10 @@ float px_per_m_of(const CpuView& view, std::size_t v) {
 std::uint32_t vertices_for(const CpuView& view, std::size_t v, std::uint32_t step) {
   const CastTable& cast = *view.instances->cast;
   const std::uint32_t character = view.visible[v].character;
-  const std::uint32_t wanted = cast.characters[character].error.vertex_count[step];
-  if (view.tier[v] == kOwnPose || wanted > LevelTable::kMostVertices) return wanted;
+  const ErrorTable& error = cast.characters[character].error;
+  if (view.tier[v] == kOwnPose) return error.vertex_count[step];
+  const std::uint32_t wanted = error.shared_count(step, LevelTable::kMostVertices);
+  if (wanted > LevelTable::kMostVertices) return wanted;
   const std::vector<std::uint32_t>& level_at = cast.levels.level_at[character];
   // coarsest first: the finest with at most so many, or the next one
   std::uint32_t level = level_at[wanted];
