@@ -20,15 +20,10 @@ namespace {
 using detail::fault;
 using detail::number_text;
 
-void append(std::string& text, double value) {
+template <typename Number>
+void append(std::string& text, Number value) {
   char digits[40];
   // The shortest digits that read back as the same number.
-  const auto end = std::to_chars(digits, digits + sizeof digits, value).ptr;
-  text.append(digits, end);
-}
-
-void append(std::string& text, float value) {
-  char digits[40];
   const auto end = std::to_chars(digits, digits + sizeof digits, value).ptr;
   text.append(digits, end);
 }
@@ -179,6 +174,16 @@ absl::Status check_plain_ids(const std::string& path, const Frame& frame) {
   return absl::OkStatus();
 }
 
+/// Frame number of a frame whose columns and ids fit a format of plain numbers.
+absl::StatusOr<std::int64_t> numbered_frame(const std::string& path, const WriteSpec& spec,
+                                            const Frame& frame,
+                                            const std::vector<std::string>& names,
+                                            std::int64_t last) {
+  if (absl::Status s = check_columns(path, spec, frame, names); !s.ok()) return s;
+  if (absl::Status s = check_plain_ids(path, frame); !s.ok()) return s;
+  return frame_number(path, spec.fps, frame.time_us, last);
+}
+
 /// Columns as of PeTrack; x and y in metres. Further columns follow the ones that others read.
 class ArchiveWriter final : public Writer {
  public:
@@ -200,9 +205,7 @@ class ArchiveWriter final : public Writer {
   }
 
   absl::Status write(const Frame& frame, const std::vector<std::string>& names) override {
-    if (absl::Status s = check_columns(path_, spec_, frame, names); !s.ok()) return s;
-    if (absl::Status s = check_plain_ids(path_, frame); !s.ok()) return s;
-    absl::StatusOr<std::int64_t> number = frame_number(path_, spec_.fps, frame.time_us, last_);
+    const auto number = numbered_frame(path_, spec_, frame, names, last_);
     if (!number.ok()) return number.status();
     last_ = *number;
     text_.clear();
@@ -305,9 +308,7 @@ class SqliteWriter final : public Writer {
   }
 
   absl::Status write(const Frame& frame, const std::vector<std::string>& names) override {
-    if (absl::Status s = check_columns(path_, spec_, frame, names); !s.ok()) return s;
-    if (absl::Status s = check_plain_ids(path_, frame); !s.ok()) return s;
-    absl::StatusOr<std::int64_t> number = frame_number(path_, spec_.fps, frame.time_us, last_);
+    const auto number = numbered_frame(path_, spec_, frame, names, last_);
     if (!number.ok()) return number.status();
     // JuPedSim writes every frame number; moments that nobody saw repeat nothing but the number.
     if (last_ >= 0 && *number - last_ > 1 && agents_before_ == 0 && *number - last_ < 1000000) {

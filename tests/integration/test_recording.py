@@ -164,6 +164,17 @@ def test_recording_keeps_to_its_limit(server, tmp_path):
     assert sum(part.stat().st_size for part in parts) <= 1 << 20
 
 
+def test_table_that_is_out_of_order_far_down_is_sorted_and_goes_on(server, program, tmp_path):
+    rows = "".join(f"{step / 10:.1f},{agent},{agent % 50},{agent // 50}\n" for step in range(150) for agent in range(1000))
+    (tmp_path / "late.csv").write_text("time_s,id,x_m,y_m\n" + rows + "1.0,5000,1,1\n")
+    _, url = server()
+    done = program("throng", "publish", "late.csv", "--crowd", "late", "--rate", "20", THRONG_URL=url)
+    assert done.returncode == 0, done.stderr
+    assert "late.csv, line 150002" in done.stderr and "it is sorted now" in done.stderr
+    [crowd] = json.loads(program("throng", "crowds", "--json", THRONG_URL=url).stdout)["crowds"]
+    assert (crowd["agents"], int(crowd["newest_time_us"])) == (1000, 14_900_000)
+
+
 def test_folder_that_cannot_be_written_is_refused_at_once(program, tmp_path):
     (tmp_path / "file").write_text("no folder")
     done = program("throng-server", "--listen", "127.0.0.1:0", "--record", tmp_path / "file")
