@@ -406,9 +406,10 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   next.frame->viewport = view.viewport;
   next.frame->camera = settings.camera;
   next.frame->overview = overview;
-  next.frame->vertex_budget = settings.selection.form == render::FormRule::kMixed && controlled
-                                  ? next.frame->stats.counters.effective_budget
-                                  : settings.selection.vertex_budget;
+  // who chose an error by time says what that error asks for
+  const render::ComputeCounters& counted = next.frame->stats.counters;
+  next.frame->vertex_budget = controlled && counted.work.known ? counted.effective_budget
+                                                               : settings.selection.vertex_budget;
   next.frame->target_ms = next.target_ms;
   next.frame->scene_time_us = scene_time_us;
   next.frame->followed_agent = followed_agent;
