@@ -74,6 +74,7 @@ struct TileScratch {
   alignas(64) std::uint32_t relief_texels[kTileSamples * kTileSamples];
   SharedScratch shared;
   std::vector<std::uint64_t> order;
+  SpeckScratch speck;
   alignas(64) float missing[kPixels];
   alignas(64) float rgb[3][kPixels];
   alignas(64) float row[3][kTilePx];
@@ -208,7 +209,7 @@ RasterCounters VisibilityRasterizer::counters() const {
     sum.triangles += one->counters.triangles;
     sum.surviving += one->counters.surviving;
     sum.shaded += one->counters.shaded;
-    sum.size_bytes += sizeof(TileScratch) + 8 * one->order.capacity();
+    sum.size_bytes += sizeof(TileScratch) + 8 * one->order.capacity() + one->speck.size_bytes();
   }
   const auto add = [&sum](const auto& values) {
     sum.size_bytes += values.capacity() * sizeof(values[0]);
@@ -957,7 +958,8 @@ void VisibilityRasterizer::add_background(const SceneFrame& scene, std::size_t t
     }
   }
   if (scene.shadows && specks_.any(tile)) {
-    specks_.shade(tile, tile_x_px, tile_y_px, geometry, speck_scene_, scratch.missing);
+    specks_.shade(tile, tile_x_px, tile_y_px, geometry, speck_scene_, scratch.speck,
+                  scratch.missing);
   }
   for (int y = 0; y < height; ++y) {
     const float* share = scratch.background_share + y * kTilePx;
@@ -981,7 +983,7 @@ void VisibilityRasterizer::blend_specks(const FrameGeometry& geometry, std::size
                                         TileScratch& scratch) const {
   const TilePlanes& planes = scratch.planes;
   specks_.draw(tile, tile_x_px, tile_y_px, geometry, speck_scene_, has_planes ? &planes : nullptr,
-               scratch.order, scratch.specks);
+               scratch.speck, scratch.specks);
   for (int y = 0; y < kTilePx; ++y) {
     for (int x = 0; x < kTilePx; ++x) {
       const std::size_t pixel = static_cast<std::size_t>(y) * kTilePx + static_cast<std::size_t>(x);

@@ -42,6 +42,16 @@ struct SpeckTile {
   alignas(64) float through[kTileSamples * kTileSamples];  // by sample, in the order of TilePlanes
 };
 
+/// Of one worker: a tile's specks near to far.
+struct SpeckScratch {
+  std::vector<std::uint64_t> order;
+  std::vector<PlacedSpeck> placed;
+
+  std::uint64_t size_bytes() const {
+    return order.capacity() * sizeof(std::uint64_t) + placed.capacity() * sizeof(PlacedSpeck);
+  }
+};
+
 /// Specks of a frame: placed, listed by tile, blended front to back by the share of each pixel that
 /// they cover. Two that meet in a pixel are taken to lie in it at random. Of two that are about
 /// equally far the first of the list comes first.
@@ -55,20 +65,21 @@ class SpeckStage {
 
   /// Blends a tile's specks whose top left pixel is (x_px, y_px).
   /// @param planes  what is drawn already; null: nothing.
-  /// @param order   scratch
   void draw(std::size_t tile, int x_px, int y_px, const FrameGeometry& geometry,
-            const SpeckScene& scene, const TilePlanes* planes, std::vector<std::uint64_t>& order,
+            const SpeckScene& scene, const TilePlanes* planes, SpeckScratch& scratch,
             SpeckTile& result) const;
 
   /// Raises `missing` [kTilePx]^2, share of light that is missing on the ground, by their shadows.
   void shade(std::size_t tile, int x_px, int y_px, const FrameGeometry& geometry,
-             const SpeckScene& scene, float* missing) const;
+             const SpeckScene& scene, SpeckScratch& scratch, float* missing) const;
 
   std::uint64_t size_bytes() const {
     return placed_.capacity() * sizeof(PlacedSpeck) + bins_.size_bytes();
   }
 
  private:
+  void gather(std::span<const std::uint64_t> entries, std::vector<PlacedSpeck>& placed) const;
+
   std::vector<PlacedSpeck> placed_;
   Bins<std::uint64_t> bins_;  // depth and number: rising is near to far
 };

@@ -33,7 +33,7 @@ struct SpeckLight {
 struct SpeckBatch {
   const Speck* specks;
   const SpeckTable* table;
-  const PlacedSpeck* placed;
+  const PlacedSpeck* placed;  // in the order of `entries`
   const std::uint64_t* entries;
   std::size_t count;
 };
@@ -58,9 +58,13 @@ inline Four All(float value) { return Four{value, value, value, value}; }
 inline float Sum(const Four& v) { return (v[0] + v[1]) + (v[2] + v[3]); }
 /// A pixel's samples, `at` being the first one's place.
 inline Four LoadSamples(const float* at) {
+  typedef std::int64_t Halves __attribute__((vector_size(16)));
+  std::int64_t low, high;
+  std::memcpy(&low, at, 8);
+  std::memcpy(&high, at + 4, 8);
+  const Halves halves{low, high};  // in registers: halves stored and read as a whole would wait
   Four result;
-  std::memcpy(&result, at, 8);
-  std::memcpy(reinterpret_cast<char*>(&result) + 8, at + 4, 8);
+  std::memcpy(&result, &halves, sizeof result);
   return result;
 }
 inline void StoreSamples(const Four& value, float* at) {
@@ -323,16 +327,12 @@ void DrawSpecks(const SpeckBatch& batch, const SpeckScene& scene, const SpeckLig
   Figure figure;
   alignas(16) float patch[kTilePx][4];
   for (std::size_t e = 0; e < batch.count; ++e) {
-    if (e + 8 < batch.count) {
-      __builtin_prefetch(&batch.placed[static_cast<std::uint32_t>(batch.entries[e + 8])]);
-    }
-    if (e + 4 < batch.count) {
-      const PlacedSpeck& next = batch.placed[static_cast<std::uint32_t>(batch.entries[e + 4])];
+    if (e + 6 < batch.count) {
+      const PlacedSpeck& next = batch.placed[e + 6];
       __builtin_prefetch(&batch.table->image[next.image]);
       __builtin_prefetch(&batch.table->slab[std::size_t{next.image} * SpeckTable::kSlabs]);
     }
-    const auto number = static_cast<std::uint32_t>(batch.entries[e]);
-    const PlacedSpeck& placed = batch.placed[number];
+    const PlacedSpeck& placed = batch.placed[e];
     const SpeckImage& image = batch.table->image[placed.image];
     const float size_y = placed.size * light.tall[ElevationOf(placed.image)];
     const float up_low = placed.y - size_y * image.y_high - static_cast<float>(y_px);
@@ -369,6 +369,7 @@ void DrawSpecks(const SpeckBatch& batch, const SpeckScene& scene, const SpeckLig
       }
     }
     if (!is_seen) continue;
+    const auto number = static_cast<std::uint32_t>(batch.entries[e]);
     ShadeFigure(scene, light, *batch.table, placed,
                 scene.by_channel ? batch.specks[number].channel : 0.0F, figure);
     std::uint32_t k_first = 0;  // slabs go up, rows down
@@ -434,10 +435,7 @@ void ShadeSpecks(const SpeckBatch& batch, const SpeckScene& scene, int x_px, int
   const float slant = slide / run, across = area / std::fabs(run);
   const int stride_run = is_tall ? kTilePx : 1, stride_across = is_tall ? 1 : kTilePx;
   for (std::size_t e = 0; e < batch.count; ++e) {
-    if (e + 8 < batch.count) {
-      __builtin_prefetch(&batch.placed[static_cast<std::uint32_t>(batch.entries[e + 8])]);
-    }
-    const PlacedSpeck& placed = batch.placed[static_cast<std::uint32_t>(batch.entries[e])];
+    const PlacedSpeck& placed = batch.placed[e];
     const float strength = light.shadow * placed.clear;
     if (strength < 0.01F) continue;
     const float x = placed.x - static_cast<float>(x_px), y = placed.y - static_cast<float>(y_px);
@@ -560,23 +558,35 @@ void sort_by_depth(std::span<const std::uint64_t> entries, std::vector<std::uint
 
 }  // namespace
 
+/// In a loop of their own many of them are on their way from memory at once.
+void SpeckStage::gather(std::span<const std::uint64_t> entries,
+                        std::vector<PlacedSpeck>& placed) const {
+  placed.resize(entries.size());
+  for (std::size_t e = 0; e < entries.size(); ++e) {
+    placed[e] = placed_[static_cast<std::uint32_t>(entries[e])];
+  }
+}
+
 void SpeckStage::draw(std::size_t tile, int x_px, int y_px, const FrameGeometry& geometry,
-                      const SpeckScene& scene, const TilePlanes* planes,
-                      std::vector<std::uint64_t>& order, SpeckTile& result) const {
+                      const SpeckScene& scene, const TilePlanes* planes, SpeckScratch& scratch,
+                      SpeckTile& result) const {
   std::memset(result.rgb, 0, sizeof(result.rgb));
   std::fill(std::begin(result.through), std::end(result.through), 1.0F);
-  sort_by_depth(bins_.of(tile), order);
+  sort_by_depth(bins_.of(tile), scratch.order);
+  gather(scratch.order, scratch.placed);
   HWY_DYNAMIC_DISPATCH(BlendSpecks)
-  ({geometry.specks.data(), geometry.speck_table, placed_.data(), order.data(), order.size()},
+  ({geometry.specks.data(), geometry.speck_table, scratch.placed.data(), scratch.order.data(),
+    scratch.order.size()},
    scene, x_px, y_px, planes, result);
 }
 
 void SpeckStage::shade(std::size_t tile, int x_px, int y_px, const FrameGeometry& geometry,
-                       const SpeckScene& scene, float* missing) const {
+                       const SpeckScene& scene, SpeckScratch& scratch, float* missing) const {
   const std::span<const std::uint64_t> list = bins_.of(tile);
+  gather(list, scratch.placed);
   HWY_DYNAMIC_DISPATCH(ShadeSpecks)
-  ({geometry.specks.data(), geometry.speck_table, placed_.data(), list.data(), list.size()}, scene,
-   x_px, y_px, missing);
+  ({geometry.specks.data(), geometry.speck_table, scratch.placed.data(), list.data(), list.size()},
+   scene, x_px, y_px, missing);
 }
 
 }  // namespace throng::render::visibility
