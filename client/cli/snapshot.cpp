@@ -28,6 +28,28 @@ int give_up(const ViewCommand& view, const Connection& connection, const absl::S
           " s (--wait); is a throng-server there, and the crowd published?")));
 }
 
+absl::Status take(const SnapshotCommand& command,
+                  const std::shared_ptr<const Connection>& connection,
+                  std::chrono::system_clock::time_point deadline, v1::GetPictureRequest& request,
+                  v1::GetPictureResponse& response) {
+  const std::optional<CameraScript>& camera = command.view.camera;
+  if (camera.has_value() && (camera->needs_site() || camera->moves())) {
+    std::optional<std::int64_t> time_us;
+    if (command.time_s.has_value()) time_us = request.scene_time_us();
+    const auto sight = sight_of(connection, request.options(), time_us, deadline);
+    if (!sight.ok()) return sight.status();
+    aim(*camera, sight->time_us, sight->site, *request.mutable_options());
+  }
+  grpc::ClientContext context;
+  context.set_wait_for_ready(true);
+  context.set_deadline(deadline);
+  connection->prepare(context);
+  const OnInterrupt cancel([&context] { context.TryCancel(); });
+  return from_grpc(
+      v1::ViewService::NewStub(connection->channel())->GetPicture(&context, request, &response),
+      *connection);
+}
+
 }  // namespace
 
 int run_snapshot(const SnapshotCommand& command) {
@@ -51,26 +73,14 @@ int run_snapshot(const SnapshotCommand& command) {
   const auto deadline =
       std::chrono::system_clock::now() +
       std::chrono::milliseconds(static_cast<std::int64_t>(1000 * command.view.wait_s));
-  const std::optional<CameraScript>& camera = command.view.camera;
-  if (camera.has_value() && (camera->needs_site() || camera->moves())) {
-    std::optional<std::int64_t> time_us;
-    if (command.time_s.has_value()) time_us = request.scene_time_us();
-    const auto sight = sight_of(*connection, request.options(), time_us, deadline);
-    if (interrupted() != 0) return 128 + interrupted();
-    if (!sight.ok()) return give_up(command.view, **connection, sight.status());
-    aim(*camera, sight->time_us, sight->site, *request.mutable_options());
-  }
-  grpc::ClientContext context;
-  context.set_wait_for_ready(true);
-  context.set_deadline(deadline);
-  (*connection)->prepare(context);
-  const OnInterrupt cancel([&context] { context.TryCancel(); });
   v1::GetPictureResponse response;
-  const absl::Status status = from_grpc(
-      v1::ViewService::NewStub((*connection)->channel())->GetPicture(&context, request, &response),
-      **connection);
-  if (interrupted() != 0) return 128 + interrupted();
-  if (!status.ok()) return give_up(command.view, **connection, status);
+  absl::Status status, missed;
+  do {
+    status = take(command, *connection, deadline, request, response);
+    if (interrupted() != 0) return 128 + interrupted();
+    if (absl::IsNotFound(status)) missed = status;  // says more than that time is up
+  } while (!status.ok() && may_come(status, deadline));
+  if (!status.ok()) return give_up(command.view, **connection, missed.ok() ? status : missed);
 
   const std::string& image = response.image();
   const absl::Status written = render::write_file(

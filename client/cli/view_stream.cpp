@@ -67,10 +67,12 @@ absl::StatusOr<Sight> sight_of(const std::shared_ptr<const Connection>& connecti
   ViewStream stream(connection, options, deadline);
   const OnInterrupt cancel([&stream] { stream.cancel(); });
   v1::StreamViewResponse frame;
-  const bool any = stream.read(frame);
+  if (!stream.read(frame)) {
+    const absl::Status status = stream.finish();
+    return status.ok() ? absl::UnavailableError("the server ended the stream") : status;
+  }
   stream.cancel();
-  const absl::Status status = stream.finish();
-  if (!any) return status.ok() ? absl::UnavailableError("the server ended the stream") : status;
+  (void)stream.finish();
   return Sight{frame.scene_time_us(), box_of(frame)};
 }
 
@@ -89,9 +91,19 @@ void aim(const CameraScript& script, std::int64_t time_us, ScriptedSite site,
   }
 }
 
+bool may_come(const absl::Status& status, std::chrono::system_clock::time_point deadline) {
+  if (!absl::IsNotFound(status) && !absl::IsUnavailable(status)) return false;
+  if (std::chrono::system_clock::now() >= deadline) return false;
+  std::mutex mutex;
+  std::condition_variable never;
+  std::unique_lock lock(mutex);
+  never.wait_for(lock, std::chrono::milliseconds(200), [] { return interrupted() != 0; });
+  return true;
+}
+
 absl::Status stream_view(const ViewCommand& command,
                          const std::function<Next(const v1::StreamViewResponse&)>& on_frame) {
-  using Clock = std::chrono::steady_clock;
+  using Clock = std::chrono::system_clock;
   const auto connection = Connection::open(command.common.connection);
   if (!connection.ok()) return connection.status();
   const auto give_up =
@@ -132,16 +144,9 @@ absl::Status stream_view(const ViewCommand& command,
     }
     if (enough || interrupted() != 0) return absl::OkStatus();
     const absl::Status status = stream.finish();
-
-    // The crowd, or the server, may still come.
-    const bool may_come = absl::IsNotFound(status) || absl::IsUnavailable(status);
-    if (any || !may_come || Clock::now() >= give_up) {
+    if (any || !may_come(status, give_up)) {
       return status.ok() ? absl::UnavailableError("the server ended the stream") : status;
     }
-    std::mutex mutex;
-    std::condition_variable never;
-    std::unique_lock lock(mutex);
-    never.wait_for(lock, std::chrono::milliseconds(200), [] { return interrupted() != 0; });
   }
 }
 

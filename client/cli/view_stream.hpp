@@ -33,6 +33,10 @@ absl::StatusOr<Sight> sight_of(const std::shared_ptr<const Connection>& connecti
 void aim(const CameraScript& script, std::int64_t time_us, ScriptedSite site,
          v1::ViewOptions& options);
 
+/// Whether the crowd, or the server, that was not there may still come by `deadline`; waits a
+/// moment if so.
+bool may_come(const absl::Status& status, std::chrono::system_clock::time_point deadline);
+
 /// What is to be done after a frame.
 enum class Next { kMore, kEnough };
 

@@ -60,6 +60,26 @@ def test_record_takes_the_same_cameras(program, url, files):
         assert done.returncode == 0, (camera, done.stderr)
 
 
+@pytest.mark.parametrize("camera", ["top", "overview"])
+def test_snapshot_waits_for_a_crowd_that_comes_later(url, files, camera):
+    waiting = subprocess.Popen([BUILD / "bin/throng", "snapshot", "--server", url, "--crowd", f"late-{camera}", "--camera",
+                                camera, "--size", "160x90", "-o", "late.png", "--wait", "60"], cwd=files,
+                               stderr=subprocess.PIPE, text=True)
+    with pytest.raises(subprocess.TimeoutExpired):
+        waiting.wait(1.0)
+    with throng.connect(url, f"late-{camera}") as crowd:
+        crowd.publish(t=0.0, ids=[1], positions=[[0.0, 0.0]])
+        said = waiting.communicate()[1]
+    assert waiting.returncode == 0, said
+
+
+def test_snapshot_of_a_crowd_that_does_not_come_says_that_it_is_not_there(program, url, files):
+    done = program("throng", "snapshot", "--crowd", "nobody", "-o", "a.png", "--camera", "top", "--wait", "0.5",
+                   THRONG_URL=url)
+    assert done.returncode == 1
+    assert "there is no crowd 'nobody'" in done.stderr
+
+
 @pytest.mark.parametrize("command", [("snapshot", "-o", "a.png"), ("record", "-o", "a.mp4")])
 def test_whom_no_camera_can_follow_is_said(program, url, files, command):
     done = program("throng", *command, "--crowd", "hall", "--camera", "follow:999", THRONG_URL=url)

@@ -172,7 +172,7 @@ TEST(CommandTest, PublishesRecordsAndLists) {
   EXPECT_EQ(run(snapshot + folder.file("then.png") + " --time 0.5" + at).code, kOk);
   EXPECT_TRUE(std::filesystem::exists(folder.file("then.png")));
   EXPECT_EQ(run(snapshot + folder.file("now.gif") + at).code, kUsage);
-  const Outcome absent = run("snapshot --crowd absent -o " + folder.file("no.png") + at);
+  const Outcome absent = run("snapshot --crowd absent --wait 0.2 -o " + folder.file("no.png") + at);
   EXPECT_EQ(absent.code, kFailure);
   EXPECT_THAT(absent.err, HasSubstr("absent"));
   const Outcome frames =
