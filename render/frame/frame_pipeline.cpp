@@ -299,7 +299,8 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
                                    const ViewSettings& settings, Picture& picture,
                                    FrameStats& stats, FramePasses* passes) {
   State& state = *state_;
-  if (settings.oversampling > 2 || (settings.oversampling == 2 && passes != nullptr)) {
+  if (settings.oversampling < 1 || settings.oversampling > 2 ||
+      (settings.oversampling == 2 && passes != nullptr)) {
     return absl::InvalidArgumentError(
         absl::StrCat("render: oversampling is ", settings.oversampling,
                      ", must be 1 or 2, and 1 where passes are asked for"));

@@ -425,8 +425,8 @@ std::vector<CrowdReport> Registry::list() const {
 
 absl::Status Registry::remove(const std::string& name) {
   if (absl::Status status = check_crowd_name(name); !status.ok()) return status;
-  std::shared_ptr<NamedCrowd>
-      removed;  // let go of outside the lock: its recording writes what waits
+  // let go of outside the lock: its recording writes what waits
+  std::shared_ptr<NamedCrowd> removed;
   const std::lock_guard lock(mutex_);
   const auto found = crowds_.find(name);
   if (found == crowds_.end()) {

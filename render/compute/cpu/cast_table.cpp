@@ -141,24 +141,17 @@ absl::StatusOr<std::shared_ptr<const CastTable>> make_cast_table(std::shared_ptr
                        character.coarsest_count, " vertices; each must be at least 1"));
     }
     CharacterTable& entry = table->characters.emplace_back();
-    entry.character = &character;
-    entry.gait = gait_of(character, motions);
-    for (const glm::vec4& bounds : {character.bounds, character.gait_bounds}) {
-      entry.reach_m = std::max(entry.reach_m, glm::length(glm::vec3(bounds)) + bounds.w);
-    }
     const auto known = known_columns.find(character.storage.get());
     if (known != known_columns.end() && same_columns(character, *known->second->character)) {
-      const CharacterTable& old = *known->second;
-      entry.vertex = old.vertex;
-      entry.point = old.point;
-      entry.palette = old.palette;
-      entry.joint_order = old.joint_order;
-      entry.joint_count_at = old.joint_count_at;
-      entry.ladder = old.ladder;
-      entry.error = old.error;
-      entry.columns = old.columns;
+      entry = *known->second;
     } else {
       fill_columns(character, entry);
+    }
+    entry.character = &character;
+    entry.gait = gait_of(character, motions);
+    entry.reach_m = 0.0F;
+    for (const glm::vec4& bounds : {character.bounds, character.gait_bounds}) {
+      entry.reach_m = std::max(entry.reach_m, glm::length(glm::vec3(bounds)) + bounds.w);
     }
     table->most_joints = std::max(table->most_joints, character.joint_count());
     table->most_vertices = std::max(table->most_vertices, character.vertex_count());

@@ -75,15 +75,16 @@ bool same_columns(const Character& a, const Character& b) {
          a.base_color.texels.data() == b.base_color.texels.data() && a.relief == b.relief;
 }
 
+/// Members before what stands around them.
+static std::size_t character_count(const Cast& cast) {
+  const auto first = std::find_if(cast.members.begin(), cast.members.end(),
+                                  [](const CastMember& member) { return member.environment; });
+  return static_cast<std::size_t>(first - cast.members.begin());
+}
+
 std::size_t kept_members(const Cast& cast, const Cast& before) {
-  const auto characters = [](const Cast& of) {
-    return static_cast<std::size_t>(
-        std::find_if(of.members.begin(), of.members.end(),
-                     [](const CastMember& member) { return member.environment; }) -
-        of.members.begin());
-  };
-  const std::size_t count = characters(cast);
-  if (count != characters(before)) return 0;
+  const std::size_t count = character_count(cast);
+  if (count != character_count(before)) return 0;
   for (std::size_t m = 0; m < count; ++m) {
     if (!same_columns(cast.members[m].character, before.members[m].character)) return 0;
   }
@@ -91,9 +92,7 @@ std::size_t kept_members(const Cast& cast, const Cast& before) {
 }
 
 void set_surroundings(const Cast& cast, LevelTable& levels) {
-  const auto characters = static_cast<std::size_t>(
-      std::count_if(cast.members.begin(), cast.members.end(),
-                    [](const CastMember& member) { return !member.environment; }));
+  const std::size_t characters = character_count(cast);
   levels.level_at.resize(characters);
   levels.is_listed.resize(characters);
   levels.level_at.resize(cast.members.size());

@@ -67,41 +67,21 @@ TEST_P(CudaFormsTest, AreTheProcessorsPicture) {
 const Camera kClose{.eye_world = {0, 0, 1.6}, .target_world = {3, 1, 1}};
 const Camera kAway{.eye_world = {0, -40, 12}, .target_world = {0, 0, 0}, .fov_y_rad = 0.4};
 const Camera kFlat{.eye_world = {5, -20, 25}, .target_world = {0, 0, 0}, .ortho_height_m = 18};
-INSTANTIATE_TEST_SUITE_P(
-    Scenes, CudaFormsTest,
-    testing::Values(Scene{.name = "Impostors", .agents = 50, .form = FormRule::kImpostor},
-                    Scene{.name = "ImpostorsClose",
-                          .agents = 50,
-                          .side_m = 8,
-                          .camera = kClose,
-                          .form = FormRule::kImpostor},
-                    Scene{.name = "ImpostorsFarInSharedPoses",
-                          .agents = 80,
-                          .camera = kAway,
-                          .pose_mode = PoseMode::kShared,
-                          .form = FormRule::kImpostor},
-                    Scene{.name = "ImpostorsOrthographic",
-                          .agents = 50,
-                          .camera = kFlat,
-                          .colors = true,
-                          .form = FormRule::kImpostor},
-                    Scene{.name = "Points", .agents = 50, .form = FormRule::kPoints},
-                    Scene{.name = "PointsClose",
-                          .agents = 50,
-                          .side_m = 8,
-                          .camera = kClose,
-                          .form = FormRule::kPoints},
-                    Scene{.name = "PointsFarInSharedPoses",
-                          .agents = 80,
-                          .camera = kAway,
-                          .pose_mode = PoseMode::kShared,
-                          .form = FormRule::kPoints},
-                    Scene{.name = "PointsOrthographic",
-                          .agents = 50,
-                          .camera = kFlat,
-                          .colors = true,
-                          .form = FormRule::kPoints}),
-    scene_name);
+/// Of agents drawn in a form: among others, near, far away in shared poses, orthographic.
+std::vector<Scene> scenes_of(FormRule form) {
+  return {{.name = "Among", .agents = 50, .form = form},
+          {.name = "Close", .agents = 50, .side_m = 8, .camera = kClose, .form = form},
+          {.name = "FarInSharedPoses",
+           .agents = 80,
+           .camera = kAway,
+           .pose_mode = PoseMode::kShared,
+           .form = form},
+          {.name = "Orthographic", .agents = 50, .camera = kFlat, .colors = true, .form = form}};
+}
+INSTANTIATE_TEST_SUITE_P(Impostors, CudaFormsTest,
+                         testing::ValuesIn(scenes_of(FormRule::kImpostor)), scene_name);
+INSTANTIATE_TEST_SUITE_P(Points, CudaFormsTest, testing::ValuesIn(scenes_of(FormRule::kPoints)),
+                         scene_name);
 
 TEST_F(CudaFormsTest, SplatsOfNobodyStandBesideMeshesAndAlone) {
   const Scene scene{.agents = 30};
