@@ -4,16 +4,9 @@
 #include <cmath>
 
 #include "throng/render/encode.hpp"
+#include "throng/render/srgb.hpp"
 
 namespace throng::render {
-namespace {
-
-float linear_of(std::uint8_t srgb) {
-  const float value = static_cast<float>(srgb) / 255.0F;
-  return value <= 0.04045F ? value / 12.92F : std::pow((value + 0.055F) / 1.055F, 2.4F);
-}
-
-}  // namespace
 
 std::shared_ptr<const SiteTexture> SiteTexture::decode(const std::string& bytes) {
   const std::span<const std::uint8_t> data(reinterpret_cast<const std::uint8_t*>(bytes.data()),
@@ -25,7 +18,9 @@ std::shared_ptr<const SiteTexture> SiteTexture::decode(const std::string& bytes)
   texture->width_ = std::min(kSide, image->width_px);
   texture->height_ = std::min(kSide, image->height_px);
   std::array<float, 256> linear;
-  for (std::size_t i = 0; i < 256; ++i) linear[i] = linear_of(static_cast<std::uint8_t>(i));
+  for (std::size_t i = 0; i < 256; ++i) {
+    linear[i] = srgb_to_linear(static_cast<float>(i) / 255.0F);
+  }
   // Means of the pixels that fall together.
   texture->texels_.assign(std::size_t{texture->width_} * texture->height_, glm::vec3(0.0F));
   std::vector<float> count(texture->texels_.size(), 0.0F);
@@ -68,9 +63,7 @@ glm::dvec3 SiteTexture::mean(const glm::dvec2& a, const glm::dvec2& b, const glm
 std::uint8_t SitePalette::index_of(const glm::dvec3& linear) {
   Rgb color{};
   for (int c = 0; c < 3; ++c) {
-    const double value = std::clamp(linear[c], 0.0, 1.0);
-    const double srgb =
-        value <= 0.0031308 ? 12.92 * value : 1.055 * std::pow(value, 1.0 / 2.4) - 0.055;
+    const double srgb = linear_to_srgb(std::clamp(linear[c], 0.0, 1.0));
     color[static_cast<std::size_t>(c)] = static_cast<std::uint8_t>(std::lround(255.0 * srgb));
   }
   // While there is room a colour is kept as it is, then to a sixteenth of each channel's range.

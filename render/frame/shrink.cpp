@@ -3,6 +3,8 @@
 #include <array>
 #include <cmath>
 
+#include "throng/render/srgb.hpp"
+
 namespace throng::render {
 namespace {
 
@@ -18,13 +20,11 @@ const Tables& tables() {
     Tables t{};
     for (std::size_t i = 0; i < t.linear.size(); ++i) {
       const double v = static_cast<double>(i) / 255.0;
-      const double linear = v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
-      t.linear[i] = static_cast<std::uint16_t>(std::lround(linear * kOne));
+      t.linear[i] = static_cast<std::uint16_t>(std::lround(srgb_to_linear(v) * kOne));
     }
     for (std::size_t i = 0; i < t.srgb.size(); ++i) {
       const double v = static_cast<double>(i) / kOne;
-      const double srgb = v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1.0 / 2.4) - 0.055;
-      t.srgb[i] = static_cast<std::uint8_t>(std::lround(255.0 * srgb));
+      t.srgb[i] = static_cast<std::uint8_t>(std::lround(255.0 * linear_to_srgb(v)));
     }
     return t;
   }();

@@ -11,6 +11,7 @@
 
 #include "render/raster/element/color.hpp"
 #include "server/batch/font.hpp"
+#include "throng/render/srgb.hpp"
 
 namespace throng::server {
 namespace {
@@ -72,8 +73,7 @@ Ink viridis_ink(double t) {
   const glm::vec3 linear = render::element::viridis(static_cast<float>(t));
   const auto code = [](float value) {
     const double v = std::clamp(static_cast<double>(value), 0.0, 1.0);
-    const double srgb = v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1 / 2.4) - 0.055;
-    return static_cast<std::uint8_t>(std::lround(255 * srgb));
+    return static_cast<std::uint8_t>(std::lround(255 * render::linear_to_srgb(v)));
   };
   return {code(linear.r), code(linear.g), code(linear.b)};
 }

@@ -8,6 +8,7 @@
 
 #include "simplify/import/image.hpp"
 #include "simplify/import/limits.hpp"
+#include "throng/render/srgb.hpp"
 
 namespace throng::simplify::gltf {
 namespace {
@@ -16,8 +17,7 @@ constexpr std::uint32_t kBlockPx = 4;  // of a palette colour, so that filtering
 
 std::uint8_t to_srgb(float linear) {
   const float c = std::clamp(linear, 0.0F, 1.0F);
-  const float coded = c <= 0.0031308F ? c * 12.92F : 1.055F * std::pow(c, 1.0F / 2.4F) - 0.055F;
-  return static_cast<std::uint8_t>(std::lround(coded * 255.0F));
+  return static_cast<std::uint8_t>(std::lround(render::linear_to_srgb(c) * 255.0F));
 }
 
 std::uint32_t pack(const glm::vec4& linear) {

@@ -7,6 +7,8 @@
 #include <span>
 #include <vector>
 
+#include "throng/render/srgb.hpp"
+
 namespace throng::simplify {
 namespace {
 
@@ -30,10 +32,6 @@ struct Candidates {
 
   std::size_t size() const { return x.size(); }
 };
-
-float linear_from_srgb(float c) {
-  return c <= 0.04045F ? c / 12.92F : std::pow((c + 0.055F) / 1.055F, 2.4F);
-}
 
 /// A texel of the level where one candidate stands for about one.
 struct Image {
@@ -74,7 +72,7 @@ Candidates draw_candidates(const CharacterData& data, std::size_t count) {
   if (!(area > 0.0) || !std::isfinite(area)) return candidates;
   std::array<float, 256> linear;
   for (std::size_t i = 0; i < linear.size(); ++i) {
-    linear[i] = linear_from_srgb(static_cast<float>(i) / 255.0F);
+    linear[i] = render::srgb_to_linear(static_cast<float>(i) / 255.0F);
   }
   std::size_t t = 0;
   for (std::size_t i = 0; i < count; ++i) {

@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "throng/render/srgb.hpp"
+
 namespace throng::simplify {
 namespace {
 
@@ -13,8 +15,7 @@ const std::array<float, 256>& linear_table() {
   static const std::array<float, 256> table = [] {
     std::array<float, 256> values{};
     for (int i = 0; i < 256; ++i) {
-      const double s = i / 255.0;
-      values[i] = static_cast<float>(s <= 0.04045 ? s / 12.92 : std::pow((s + 0.055) / 1.055, 2.4));
+      values[i] = static_cast<float>(render::srgb_to_linear(i / 255.0));
     }
     return values;
   }();
@@ -27,9 +28,7 @@ const std::vector<std::uint8_t>& srgb_table() {
     std::vector<std::uint8_t> values(kInverseSteps + 1);
     for (int i = 0; i <= kInverseSteps; ++i) {
       const double root = static_cast<double>(i) / kInverseSteps;
-      const double linear = root * root;
-      const double s =
-          linear <= 0.0031308 ? linear * 12.92 : 1.055 * std::pow(linear, 1.0 / 2.4) - 0.055;
+      const double s = render::linear_to_srgb(root * root);
       values[i] = static_cast<std::uint8_t>(std::clamp(s, 0.0, 1.0) * 255.0 + 0.5);
     }
     return values;

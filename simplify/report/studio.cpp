@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "throng/render/srgb.hpp"
+
 namespace throng::simplify {
 namespace {
 
@@ -39,13 +41,12 @@ glm::vec3 turned(const glm::vec3& v, float cosine, float sine) {
 }  // namespace
 
 float linear_from_byte(std::uint8_t byte) {
-  const float c = static_cast<float>(byte) / 255.0F;
-  return c <= 0.04045F ? c / 12.92F : std::pow((c + 0.055F) / 1.055F, 2.4F);
+  return render::srgb_to_linear(static_cast<float>(byte) / 255.0F);
 }
 
 std::uint8_t byte_from_linear(float c) {
-  const float s = c <= 0.0031308F ? c * 12.92F : 1.055F * std::pow(c, 1.0F / 2.4F) - 0.055F;
-  return static_cast<std::uint8_t>(glm::clamp(s, 0.0F, 1.0F) * 255.0F + 0.5F);
+  return static_cast<std::uint8_t>(glm::clamp(render::linear_to_srgb(c), 0.0F, 1.0F) * 255.0F +
+                                   0.5F);
 }
 
 std::uint32_t seed_of(std::string_view name) {

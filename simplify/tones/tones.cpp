@@ -7,6 +7,7 @@
 #include <span>
 
 #include "simplify/collapse/pixels.hpp"
+#include "throng/render/srgb.hpp"
 
 namespace throng::simplify {
 namespace {
@@ -27,10 +28,6 @@ constexpr double kSameError = 1.5e-5;
 
 /// What textures say of a place: linear colour, then the tint mask.
 using Value = std::array<float, 7>;
-
-float linear_from_srgb(float c) {
-  return c <= 0.04045F ? c / 12.92F : std::pow((c + 0.055F) / 1.055F, 2.4F);
-}
 
 /// A texture by its mip levels, as one value a pixel.
 struct Image {
@@ -75,7 +72,7 @@ class Textures {
         mask_(data.tint_mask, data.tint_mask_width_px, data.tint_mask_height_px,
               data.tint_mask_levels) {
     for (std::size_t i = 0; i < linear_.size(); ++i) {
-      linear_[i] = linear_from_srgb(static_cast<float>(i) / 255.0F);
+      linear_[i] = render::srgb_to_linear(static_cast<float>(i) / 255.0F);
     }
   }
   /// @param is_hole  set where alpha is under 128

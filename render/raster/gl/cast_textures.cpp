@@ -9,6 +9,8 @@
 #include <cstring>
 #include <span>
 
+#include "throng/render/srgb.hpp"
+
 namespace throng::render::gl {
 namespace {
 
@@ -26,17 +28,11 @@ struct Coding {
     for (int i = 0; i < 256; ++i) {
       const double value = i / 255.0;
       decode[static_cast<std::size_t>(i)] =
-          static_cast<float>(!srgb              ? value
-                             : value <= 0.04045 ? value / 12.92
-                                                : std::pow((value + 0.055) / 1.055, 2.4));
+          static_cast<float>(srgb ? srgb_to_linear(value) : value);
     }
   }
   std::uint8_t encode(float linear, int component) const {
-    float value = linear;
-    if (srgb && component < 3) {
-      value =
-          linear <= 0.0031308F ? linear * 12.92F : 1.055F * std::pow(linear, 1.0F / 2.4F) - 0.055F;
-    }
+    const float value = srgb && component < 3 ? linear_to_srgb(linear) : linear;
     return static_cast<std::uint8_t>(std::clamp(value, 0.0F, 1.0F) * 255.0F + 0.5F);
   }
   float value(std::uint8_t texel, int component) const {

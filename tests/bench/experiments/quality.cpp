@@ -11,6 +11,7 @@
 #include "bench/experiments/report.hpp"
 #include "bench/experiments/walkthrough.hpp"
 #include "throng/render/quality.hpp"
+#include "throng/render/srgb.hpp"
 
 namespace throng::bench {
 namespace {
@@ -24,9 +25,7 @@ const std::array<float, 256>& linear_table() {
   static const std::array<float, 256> table = [] {
     std::array<float, 256> made{};
     for (std::size_t i = 0; i < made.size(); ++i) {
-      const double value = static_cast<double>(i) / 255.0;
-      made[i] = static_cast<float>(value <= 0.04045 ? value / 12.92
-                                                    : std::pow((value + 0.055) / 1.055, 2.4));
+      made[i] = static_cast<float>(render::srgb_to_linear(static_cast<double>(i) / 255.0));
     }
     return made;
   }();
@@ -34,9 +33,7 @@ const std::array<float, 256>& linear_table() {
 }
 
 std::uint8_t encode(float linear) {
-  const double value = linear <= 0.0031308F
-                           ? 12.92 * static_cast<double>(linear)
-                           : 1.055 * std::pow(static_cast<double>(linear), 1.0 / 2.4) - 0.055;
+  const double value = render::linear_to_srgb(static_cast<double>(linear));
   return static_cast<std::uint8_t>(std::lround(255.0 * std::min(std::max(value, 0.0), 1.0)));
 }
 

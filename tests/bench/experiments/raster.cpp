@@ -17,6 +17,7 @@
 #include "bench/experiments/table.hpp"
 #include "support/image_compare.hpp"
 #include "throng/render/raster.hpp"
+#include "throng/render/srgb.hpp"
 
 namespace throng::bench {
 namespace {
@@ -48,10 +49,7 @@ Look plain_look() {
   return look;
 }
 
-double linear(std::uint8_t srgb) {
-  const double value = srgb / 255.0;
-  return value <= 0.04045 ? value / 12.92 : std::pow((value + 0.055) / 1.055, 2.4);
-}
+double linear(std::uint8_t srgb) { return render::srgb_to_linear(srgb / 255.0); }
 
 /// Share of the picture that is covered, in points.
 double coverage(const Picture& silhouettes) {
