@@ -68,9 +68,7 @@ void list_visible(CpuView& view, WorkPool& pool, const Kernels& kernels) {
 void list_mixed(CpuView& view, const MixedForms& mixed, WorkPool& pool, const Kernels& kernels) {
   SplitJob job;
   job.cull = job_of(view);
-  job.projection = view.projection;
-  job.forward = view.forward;
-  job.mixed = mixed;
+  job.rule = {view.projection, view.forward, mixed};
   job.has_images = view.speck_table->has_images.data();
   view.specks.resize(view.mask_count);
   job.specks = view.specks.data();

@@ -32,9 +32,7 @@ struct CullJob {
 
 struct SplitJob {
   CullJob cull;
-  element::Projection projection;
-  glm::vec3 forward;  // orthographic: where all look
-  MixedForms mixed;
+  element::SpeckRule rule;
   const std::uint8_t* has_images;  // by character
   Speck* specks;
 };

@@ -114,64 +114,36 @@ void compact(const CullJob& job, std::size_t begin, std::size_t end, std::uint32
 Split split(const SplitJob& job, std::size_t begin, std::size_t end, std::uint32_t next) {
   Split made;
   const CullJob& cull = job.cull;
-  const MixedForms& mixed = job.mixed;
+  const element::SpeckRule& rule = job.rule;
   const element::Bracketed& moment = cull.instances->moment;
   const element::SnapshotColumns& shown = moment.shown;
-  const bool perspective = job.projection.perspective != 0;
-  const float limit_px = mixed.error_px / mixed.speck_error;
   for (std::size_t slot = begin; slot < end; ++slot) {
     if (cull.mask[slot] == 0) continue;
     if (slot < cull.agents && job.has_images[shown.character[slot]] != 0) {
-      const CharacterTable& table = cull.instances->cast->characters[shown.character[slot]];
+      const std::uint32_t character = shown.character[slot];
+      const CharacterTable& table = cull.instances->cast->characters[character];
       const glm::vec4& where = cull.instances->place_m[slot];
-      const float height_m = where.w * table.character->height_m;
-      const glm::vec3 feet = element::relative(where.x, where.y, where.z, cull.eye_offset_m);
-      const float distance_m = element::distance_of(
-          glm::vec4(feet.x, feet.y, element::fused(0.5F, height_m, feet.z), 0.0F));
-      const float d = perspective ? (distance_m < height_m ? height_m : distance_m) : 1.0F;
-      const float px_per_m = job.projection.focal_px / d;
-      const float height_px = px_per_m * height_m;
-      if (height_px < 1.1F * limit_px) {
-        // each agent's limits lie up to a fifth apart, so that a row of them does not change at
-        // once
-        const std::uint32_t seed = shown.seed[slot];
-        const float own = element::unit_from_seed(seed, element::kSeedForm);
-        // who sits or cheers is shown standing: that shows sooner
+      const element::SpeckPlace at = element::speck_place(
+          rule, glm::vec3(where), where.w, table.character->height_m, cull.eye_offset_m);
+      if (element::may_be_speck(rule, at)) {
         const bool acts = shown.motion != nullptr && (shown.motion[slot] & 0xffffU) != 0;
-        const float speck_us =
-            element::fused(mixed.speck_px2_us, height_px * height_px, mixed.speck_us);
         const std::uint32_t vertices =
-            table.error.vertex_count[ErrorTable::step_of(mixed.error_px / px_per_m)];
-        const float mesh_us =
-            element::fused(mixed.mesh_vertex_us, static_cast<float>(vertices), mixed.mesh_us);
-        if (height_px * (0.9F + 0.2F * own) * (acts ? 2.5F : 1.0F) < limit_px &&
-            speck_us < mesh_us) {
-          // of those that are too small some stand for all: as much larger as they are fewer
-          const float kept = height_px / mixed.least_px;
-          const float larger = kept < 1.0F ? 1.0F / kept : 1.0F;
-          if (own * larger * larger >= 1.0F) {
-            ++made.left_out;
-            continue;
-          }
+            table.error.vertex_count[ErrorTable::step_of(rule.mixed.error_px / at.px_per_m)];
+        float larger = 1.0F;
+        const element::SpeckFate fate =
+            element::speck_fate(rule, at, shown.seed[slot], acts, vertices, larger);
+        if (fate == element::SpeckFate::kLeftOut) {
+          ++made.left_out;
+          continue;
+        }
+        if (fate == element::SpeckFate::kSpeck) {
           const element::Sample sample = element::sample_at(moment, table.gait, slot);
           const std::uint32_t pose =
               acts ? element::speck_pose(place(*cull.instances, slot).state.pose, table.gait)
                    : element::gait_speck_pose(table.gait, sample.speed_mps, sample.walked_cycles);
-          Speck& speck = job.specks[next + made.specks++];
-          speck.position_relative = feet;
-          speck.height_m = larger * height_m;
-          speck.seed = seed;
-          speck.channel = element::channel_at(moment, slot);
-          const glm::vec3 to_eye = perspective ? -feet : -job.forward;
-          const element::SinCos turned = element::sin_cos(sample.heading_rad);
-          const std::uint32_t azimuth =
-              element::speck_azimuth(to_eye.x * turned.cosine + to_eye.y * turned.sine,
-                                     to_eye.y * turned.cosine - to_eye.x * turned.sine);
-          const float sine = perspective ? to_eye.z / d : to_eye.z;
-          speck.image = shown.character[slot] * element::kSpeckImages +
-                        (pose * element::kSpeckElevations + element::speck_elevation(sine)) *
-                            element::kSpeckAzimuths +
-                        azimuth;
+          job.specks[next + made.specks++] =
+              element::make_speck(rule, at, larger, character, pose, sample.heading_rad,
+                                  shown.seed[slot], element::channel_at(moment, slot));
           continue;
         }
       }

@@ -4,6 +4,9 @@
 
 #include "render/compute/element/gait.hpp"
 #include "render/compute/element/pose.hpp"
+#include "render/compute/element/selection.hpp"
+#include "render/compute/element/visible.hpp"
+#include "throng/render/representation.hpp"
 
 namespace throng::render::element {
 
@@ -35,6 +38,11 @@ THRONG_HOST_DEVICE inline std::uint32_t speck_elevation(float sine) {
 }
 inline constexpr float kSpeckElevationRad[kSpeckElevations] = {0.0F, 0.43633231F, 0.87266463F,
                                                                1.30899694F};
+// 1 / cos of those
+THRONG_HOST_DEVICE inline float speck_per_cosine(std::uint32_t elevation) {
+  constexpr float kPerCosine[kSpeckElevations] = {1.0F, 1.1033779F, 1.5557238F, 3.8637033F};
+  return kPerCosine[elevation];
+}
 
 THRONG_HOST_DEVICE inline std::uint32_t speck_phase(double cycles) {
   const auto fraction = static_cast<float>(cycles - std::floor(cycles));
@@ -62,6 +70,87 @@ THRONG_HOST_DEVICE inline std::uint32_t speck_pose(const Pose& pose, const Gait&
   }
   return speck_phase(static_cast<double>(static_cast<float>(frame) + pose.a_t) /
                      static_cast<double>(walk.frame_count));
+}
+
+/// Who of the mixed frame is a speck.
+struct SpeckRule {
+  Projection projection;
+  glm::vec3 forward{0.0F, 1.0F, 0.0F};
+  MixedForms mixed{};
+};
+
+/// How an agent's figure lies to the eye.
+struct SpeckPlace {
+  glm::vec3 feet;  // relative to the eye
+  float height_m;  // as it is scaled
+  float d;         // what a metre's pixels are divided by
+  float px_per_m, height_px;
+};
+/// @param scale  of the agent. @param height_m  of its character.
+THRONG_HOST_DEVICE inline SpeckPlace speck_place(const SpeckRule& rule, const glm::vec3& position_m,
+                                                 float scale, float height_m,
+                                                 const glm::dvec3& eye_offset_m) {
+  SpeckPlace place;
+  place.height_m = scale * height_m;
+  place.feet = relative(position_m.x, position_m.y, position_m.z, eye_offset_m);
+  const float distance_m = distance_of(
+      glm::vec4(place.feet.x, place.feet.y, fused(0.5F, place.height_m, place.feet.z), 0.0F));
+  const bool nearer = distance_m < place.height_m;
+  place.d = rule.projection.perspective != 0 ? (nearer ? place.height_m : distance_m) : 1.0F;
+  place.px_per_m = rule.projection.focal_px / place.d;
+  place.height_px = place.px_per_m * place.height_m;
+  return place;
+}
+
+/// False for who is too large whatever else is said of him.
+THRONG_HOST_DEVICE inline bool may_be_speck(const SpeckRule& rule, const SpeckPlace& place) {
+  return place.height_px < 1.1F * (rule.mixed.error_px / rule.mixed.speck_error);
+}
+
+enum class SpeckFate : std::uint8_t { kListed, kSpeck, kLeftOut };
+
+/// @param acts  beside its gait. @param vertices  of a mesh that is off by as much.
+/// @param larger  how much larger it is drawn: of those that are too small some stand for all, as
+///                much larger as they are fewer.
+THRONG_HOST_DEVICE inline SpeckFate speck_fate(const SpeckRule& rule, const SpeckPlace& place,
+                                               std::uint32_t seed, bool acts,
+                                               std::uint32_t vertices, float& larger) {
+  const MixedForms& mixed = rule.mixed;
+  larger = 1.0F;
+  // each agent's limits lie up to a fifth apart, so that a row of them does not change at once
+  const float own = unit_from_seed(seed, kSeedForm);
+  const float speck_us =
+      fused(mixed.speck_px2_us, place.height_px * place.height_px, mixed.speck_us);
+  const float mesh_us = fused(mixed.mesh_vertex_us, static_cast<float>(vertices), mixed.mesh_us);
+  // who sits or cheers is shown standing: that shows sooner
+  const bool is_small = place.height_px * (0.9F + 0.2F * own) * (acts ? 2.5F : 1.0F) <
+                        mixed.error_px / mixed.speck_error;
+  if (!is_small || !(speck_us < mesh_us)) return SpeckFate::kListed;
+  const float kept = place.height_px / mixed.least_px;
+  larger = kept < 1.0F ? 1.0F / kept : 1.0F;
+  return own * larger * larger >= 1.0F ? SpeckFate::kLeftOut : SpeckFate::kSpeck;
+}
+
+/// @param pose  gait_speck_pose or speck_pose.
+THRONG_HOST_DEVICE inline Speck make_speck(const SpeckRule& rule, const SpeckPlace& place,
+                                           float larger, std::uint32_t character,
+                                           std::uint32_t pose, float heading_rad,
+                                           std::uint32_t seed, float channel) {
+  const bool perspective = rule.projection.perspective != 0;
+  const glm::vec3 to_eye = perspective ? -place.feet : -rule.forward;
+  const SinCos turned = sin_cos(heading_rad);
+  const std::uint32_t azimuth = speck_azimuth(to_eye.x * turned.cosine + to_eye.y * turned.sine,
+                                              to_eye.y * turned.cosine - to_eye.x * turned.sine);
+  const float sine = perspective ? to_eye.z / place.d : to_eye.z;
+  Speck speck;
+  speck.position_relative = place.feet;
+  speck.height_m = larger * place.height_m;
+  speck.image = character * kSpeckImages +
+                (pose * kSpeckElevations + speck_elevation(sine)) * kSpeckAzimuths + azimuth;
+  speck.seed = seed;
+  speck.channel = channel;
+  speck.reserved = 0;
+  return speck;
 }
 
 }  // namespace throng::render::element

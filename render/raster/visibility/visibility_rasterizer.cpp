@@ -1198,9 +1198,7 @@ absl::Status VisibilityRasterizer::draw(const FrameGeometry& geometry, const Cam
       speck_scene_ = {&scene,
                       &grid_,
                       glm::vec3(glm::transpose(glm::mat3(view_from_relative(camera)))[1]),
-                      look.color_by_channel,
-                      look.channel_low,
-                      look.channel_high};
+                      {look.channel_low, look.channel_high, look.color_by_channel}};
       specks_.place(geometry, speck_scene_, tiles_x_, tiles_y_, pool_);
     }
     pool_.run(std::size_t{tiles_x_} * tiles_y_, [&](std::size_t tile, unsigned worker) {

@@ -10,29 +10,20 @@
 #include "render/raster/scene.hpp"
 #include "render/raster/visibility/cpu/bins.hpp"
 #include "render/raster/visibility/cpu/tile.hpp"
+#include "render/raster/visibility/element/speck.hpp"
 #include "throng/render/compute.hpp"
 
 namespace throng::render::visibility {
 
-/// A speck on the picture. 32 bytes.
-struct PlacedSpeck {
-  float x, y;   // of the feet, pixels from the picture's top left
-  float size;   // pixels of the figure's height, seen from the side
-  float lean;   // pixels to the right for each up
-  float depth;  // reversed; 0: not seen
-  float clear;  // share of its light that haze leaves
-  std::uint32_t image;
-  std::uint32_t seed;
-};
-static_assert(sizeof(PlacedSpeck) == 32);
+using element::PlacedSpeck;
+static_assert(element::kSpeckTilePx == kTilePx);
 
 /// What specks see of the frame; the same in all tiles.
 struct SpeckScene {
   const SceneFrame* scene;
   const SampleGrid* grid;
   glm::vec3 camera_up;
-  bool by_channel;
-  float channel_low, channel_high;
+  element::ChannelRange range;
 };
 
 /// A tile's specks over its figures: r g b of what they show, and how much they leave of what is

@@ -20,15 +20,7 @@
 #define THRONG_SPECK_COMMON
 namespace throng::render::visibility {
 
-/// What is the same for all specks of a tile: the light on a surface that faces right, left, the
-/// eye, away, up or down (rows: rgb of what comes anyway, of what comes under open sky, and of what
-/// is reflected then whatever the colour), and where shadows fall.
-struct SpeckLight {
-  alignas(64) float row[6][16];
-  float tall[element::kSpeckElevations];  // height here of a picture made at an elevation
-  glm::vec2 along, across;  // of a shadow, pixels down and right, for a figure of size 1
-  float shadow;             // share of light it takes
-};
+using element::SpeckLight;
 
 struct SpeckBatch {
   const Speck* specks;
@@ -72,177 +64,32 @@ inline void StoreSamples(const Four& value, float* at) {
   std::memcpy(at + 4, reinterpret_cast<const char*>(&value) + 8, 8);
 }
 
-/// How many slabs a figure gets: about two for each pixel of its height, so that where they lie on
-/// the pixels blurs little.
-inline std::uint32_t LevelOf(float rows_px) {
-  return (rows_px > 0.7F ? 1U : 0U) + (rows_px > 1.4F ? 1U : 0U) + (rows_px > 2.8F ? 1U : 0U) +
-         (rows_px > 5.6F ? 1U : 0U);
-}
-
-inline std::uint32_t ElevationOf(std::uint32_t image) {
-  return image / element::kSpeckAzimuths % element::kSpeckElevations;
-}
-
-void PlaceSpecks(const Speck* specks, std::size_t count, const SpeckTable& table,
-                 const SpeckScene& scene, PlacedSpeck* out) {
-  const glm::mat4& m = scene.grid->clip_from_relative;
-  const float half_width = 0.25F * static_cast<float>(scene.grid->width);
-  const float half_height = 0.25F * static_cast<float>(scene.grid->height);
-  const float px_per_tangent = scene.scene->px_per_tangent;
-  const float haze = scene.scene->orthographic ? 0.0F : -scene.scene->haze_per_m;
-  for (std::size_t i = 0; i < count; ++i) {
-    const Speck& speck = specks[i];
-    const glm::vec3& p = speck.position_relative;
-    PlacedSpeck& placed = out[i];
-    const float cx = ((m[0].x * p.x + m[1].x * p.y) + m[2].x * p.z) + m[3].x;
-    const float cy = ((m[0].y * p.x + m[1].y * p.y) + m[2].y * p.z) + m[3].y;
-    const float cz = ((m[0].z * p.x + m[1].z * p.y) + m[2].z * p.z) + m[3].z;
-    const float cw = ((m[0].w * p.x + m[1].w * p.y) + m[2].w * p.z) + m[3].w;
-    const bool seen = cw > 0.0F && cz > 0.0F && cz <= cw;
-    const float inverse = 1.0F / (seen ? cw : 1.0F);
-    const float nx = cx * inverse, ny = cy * inverse;
-    placed.x = (1.0F + nx) * half_width;
-    placed.y = (1.0F - ny) * half_height;
-    placed.size = speck.height_m * px_per_tangent * inverse;
-    // where a metre upwards goes
-    const float up_x = (m[2].x - nx * m[2].w) * half_width;
-    const float up_y = (m[2].y - ny * m[2].w) * half_height;
-    placed.lean = up_y > std::fabs(up_x) ? up_x / up_y : 0.0F;
-    placed.depth = seen ? std::min(cz * inverse, 1.0F) : 0.0F;
-    const float distance_m = std::sqrt((p.x * p.x + p.y * p.y) + p.z * p.z);
-    placed.clear = element::exp2_negative(distance_m * haze);
-    placed.image = speck.image;
-    placed.seed = speck.seed;
-  }
-}
-
-/// What light does to a surface by its normal: shares of the sun and the sky, and what is reflected
-/// of both whatever the colour. As element::lit has it.
-struct Response {
-  static constexpr int kParts = 4;
-  float sun, up, rim, gloss;
-};
-inline Response ResponseOf(const glm::vec3& n, const glm::vec3& sun, const glm::vec3& to_eye) {
-  Response response;
-  const float facing = element::clamp01((element::dot3(n, sun) + 0.22F) * (1.0F / 1.22F));
-  response.sun = facing * (facing * 0.4F + 0.6F);
-  response.up = n.z * 0.5F + 0.5F;
-  const float edge = 1.0F - element::clamp01(element::dot3(n, to_eye));
-  response.rim = ((edge * edge) * edge) * (((n.z * n.z) * 0.65F + 0.35F) * 0.16F);
-  float gloss = element::clamp01(element::dot3(n, element::unit3(sun + to_eye)));
-  for (int power = 0; power < 4; ++power) gloss = gloss * gloss;
-  response.gloss = (gloss * response.sun) * 0.035F;
-  return response;
-}
-
-/// Responses of the six sides that are mixed by the squares of a normal's components. A side's own
-/// response is right for what faces that way, and makes all between dark, since light grows faster
-/// than it is mixed; what comes nearest for every normal that is seen (least squares, weighted by
-/// how much of it is seen) makes what faces a side bright. Bodies are between: with a third of
-/// the fit the built-in cast's figures of 7 pixels show what those of 28 do, in sun and in sky
-/// light.
-void FitResponses(const glm::vec3 (&sides)[6], const glm::vec3& sun, const glm::vec3& to_eye,
-                  float (&fit)[6][Response::kParts]) {
-  constexpr int kNormals = 96, kParts = Response::kParts;
-  constexpr float kStay = 0.02F;  // what is hardly seen stays near its own
-  double sum[6][6 + kParts] = {};
-  for (int k = 0; k < 6; ++k) {
-    const Response own = ResponseOf(sides[k], sun, to_eye);
-    const float parts[kParts] = {own.sun, own.up, own.rim, own.gloss};
-    sum[k][k] = kStay;
-    for (int part = 0; part < kParts; ++part) {
-      fit[k][part] = parts[part];
-      sum[k][6 + part] = kStay * parts[part];
-    }
-  }
-  for (int i = 0; i < kNormals; ++i) {
-    // evenly over the sphere, by the golden angle
-    const float z = 1.0F - (2.0F * static_cast<float>(i) + 1.0F) / kNormals;
-    const float turn = static_cast<float>(i) * 2.39996323F;
-    const element::SinCos at = element::sin_cos(element::wrap_angle(turn));
-    const float ring = std::sqrt(1.0F - z * z);
-    const glm::vec3 n(ring * at.cosine, ring * at.sine, z);
-    const float seen = element::dot3(n, to_eye);
-    if (!(seen > 0.0F)) continue;
-    float share[6];
-    for (int k = 0; k < 6; ++k) {
-      const float along = std::max(element::dot3(n, sides[k]), 0.0F);
-      share[k] = along * along;
-    }
-    const Response response = ResponseOf(n, sun, to_eye);
-    const float parts[kParts] = {response.sun, response.up, response.rim, response.gloss};
-    for (int k = 0; k < 6; ++k) {
-      const float weight = seen * share[k];
-      for (int j = 0; j < 6; ++j) sum[k][j] += weight * share[j];
-      for (int part = 0; part < kParts; ++part) sum[k][6 + part] += weight * parts[part];
-    }
-  }
-  // positive definite: no pivots
-  for (int k = 0; k < 6; ++k) {
-    for (int row = 0; row < 6; ++row) {
-      if (row == k) continue;
-      const double factor = sum[row][k] / sum[k][k];
-      for (int j = k; j < 6 + kParts; ++j) sum[row][j] -= factor * sum[k][j];
-    }
-  }
-  for (int k = 0; k < 6; ++k) {
-    for (int part = 0; part < kParts; ++part) {
-      const auto nearest = static_cast<float>(sum[k][6 + part] / sum[k][k]);
-      fit[k][part] = std::max((2.0F * fit[k][part] + nearest) * (1.0F / 3.0F), 0.0F);
-    }
-  }
+void PlaceSpecks(const Speck* specks, std::size_t count, const SpeckScene& speck_scene,
+                 PlacedSpeck* out) {
+  // copies, which what is written can't be
+  const SceneFrame scene = *speck_scene.scene;
+  const element::SampleGrid grid = *speck_scene.grid;
+  for (std::size_t i = 0; i < count; ++i) out[i] = element::place_speck(specks[i], grid, scene);
 }
 
 SpeckLight LightOf(const SpeckScene& speck_scene, float x_px, float y_px) {
   const SceneFrame& scene = *speck_scene.scene;
-  SpeckLight light{};
-  const glm::vec3 ray =
-      (scene.ray_direction + scene.ray_direction_x * x_px) + scene.ray_direction_y * y_px;
-  const glm::vec3 to_eye = element::unit3(ray * -1.0F);
-  glm::vec3 ahead(to_eye.x, to_eye.y, 0.0F);
-  if (ahead.x * ahead.x + ahead.y * ahead.y < 1e-4F) {
-    ahead = -glm::vec3(speck_scene.camera_up.x, speck_scene.camera_up.y, 0.0F);
-  }
-  ahead = element::unit3(ahead);
-  const glm::vec3 right(-ahead.y, ahead.x, 0.0F), up(0.0F, 0.0F, 1.0F);
-  const glm::vec3 sides[6] = {right, -right, ahead, -ahead, up, -up};
-  float fit[6][Response::kParts];
-  FitResponses(sides, scene.sun_direction, to_eye, fit);
-  for (int k = 0; k < 6; ++k) {
-    float* row = light.row[k];
-    for (int c = 0; c < 3; ++c) {
-      const float sky = scene.sky_color[c], low = scene.ground_light[c];
-      row[c] = 0.75F * fit[k][0] * scene.sun_color[c];
-      row[4 + c] = 0.25F * fit[k][0] * scene.sun_color[c] + (low + fit[k][1] * (sky - low));
-      row[8 + c] = fit[k][2] * sky + fit[k][3] * scene.sun_color[c];
+  const element::SpeckView view = element::speck_view(scene, speck_scene.camera_up, x_px, y_px);
+  element::SpeckFit fit;
+  for (int k = 0; k < 6; ++k) element::begin_fit(fit, k, view, scene.sun_direction);
+  for (int i = 0; i < element::SpeckFit::kNormals; ++i) {
+    const element::SpeckNormal normal = element::speck_normal(i, view, scene.sun_direction);
+    if (!(normal.seen > 0.0F)) continue;
+    for (int k = 0; k < 6; ++k) {
+      for (int j = 0; j < element::SpeckFit::kRow; ++j) {
+        fit.sum[k][j] += element::speck_term(normal, k, j);
+      }
     }
-    for (int j = 0; j < 16; ++j) row[j] *= 1.0F / 255.0F;
   }
-  const glm::mat4& m = speck_scene.grid->clip_from_relative;
-  const float width = 0.5F * static_cast<float>(speck_scene.grid->width);
-  const float height = 0.5F * static_cast<float>(speck_scene.grid->height);
-  const float nx = 2.0F * x_px / width - 1.0F, ny = 1.0F - 2.0F * y_px / height;
-  const float up_px = (m[2].y - ny * m[2].w) * 0.5F * height / scene.px_per_tangent;
-  for (std::uint32_t e = 0; e < element::kSpeckElevations; ++e) {
-    light.tall[e] =
-        std::min(std::max(up_px / std::cos(element::kSpeckElevationRad[e]), 0.75F), 1.25F);
-  }
-  // shadows: a body of 0.43 m, as wide as that of a blob is on the average
-  if (!scene.shadows) return light;
-  const auto on_picture = [&](float x, float y) {
-    const float dx = m[0].x * x + m[1].x * y, dy = m[0].y * x + m[1].y * y;
-    const float dw = m[0].w * x + m[1].w * y;
-    return glm::vec2((dx - nx * dw) * 0.5F * width, -(dy - ny * dw) * 0.5F * height) *
-           (1.0F / (1.75F * scene.px_per_tangent));
-  };
-  InstanceShade figure{};
-  figure.height_m = 1.75F;
-  figure.feet_relative = glm::vec3(0.0F, 0.0F, scene.ground_relative_m);
-  const element::Blob blob = element::make_blob(scene, figure);
-  light.along = on_picture(blob.away.x, blob.away.y) * (blob.reach + 0.15F);
-  light.across = on_picture(-blob.away.y * 0.43F, blob.away.x * 0.43F);
-  const float slope = scene.orthographic ? 1.0F : element::clamp01(to_eye.z);
-  light.shadow = 0.37F * (1.0F - element::exp2_negative(-55.0F * slope));
+  element::end_fit(fit);
+  SpeckLight light;
+  for (int k = 0; k < 6; ++k) element::light_row(light, k, fit, scene);
+  element::light_places(light, view, scene, *speck_scene.grid, x_px, y_px);
   return light;
 }
 
@@ -256,68 +103,19 @@ struct Figure {
 
 void ShadeFigure(const SpeckScene& scene, const SpeckLight& light, const SpeckTable& table,
                  const PlacedSpeck& placed, float channel, Figure& figure) {
-  const SpeckImage& image = table.image[placed.image];
-  const float size_y = placed.size * light.tall[ElevationOf(placed.image)];
-  const std::uint32_t level = LevelOf(size_y * (image.y_high - image.y_low));
-  const std::uint32_t two = SpeckTable::columns(level) - 1;  // columns, as a shift
-  const std::uint32_t rows = 1U << level, count = rows << two;
-  const SpeckSlab* slabs = table.slab.data() + std::size_t{placed.image} * SpeckTable::kSlabs +
-                           SpeckTable::first_slab(level);
-  alignas(64) float tint[16];
-  const element::Tints tints = element::tints_of(placed.seed);
-  const glm::vec3 parts[5] = {glm::vec3(1.0F), tints.skin, tints.hair, tints.top, tints.bottom};
-  for (int t = 0; t < 5; ++t) {
-    for (int c = 0; c < 3; ++c) tint[3 * t + c] = parts[t][c] * (1.0F / (255.0F * 255.0F));
-  }
-  tint[15] = 0.0F;
-  glm::vec3 shown(0.0F);
-  if (scene.by_channel) {
-    shown = element::channel_color(channel, {scene.channel_low, scene.channel_high, true});
-    for (float& one : tint) one = 1.0F / (255.0F * 255.0F);
-  }
-  const float step = size_y * (image.y_high - image.y_low) / static_cast<float>(rows);
-  const float bottom = placed.y - size_y * image.y_low;
-  const float per_unit = placed.size * (1.0F / SpeckSlab::kPerHeight);
-  const glm::vec3& horizon = scene.scene->horizon_color;
-  figure.count = count;
-  for (std::uint32_t k = 0; k < count; ++k) {
-    const SpeckSlab& slab = slabs[k];
-    figure.bottom[k] = bottom - step * static_cast<float>(k >> two);
-    figure.top[k] = figure.bottom[k] - step;
-    const float middle =
-        placed.x + placed.lean * (placed.y - 0.5F * (figure.top[k] + figure.bottom[k]));
-    figure.left[k] = middle + per_unit * static_cast<float>(slab.low);
-    figure.right[k] = middle + per_unit * static_cast<float>(slab.high);
-    float albedo[16];
-    for (int j = 0; j < 16; ++j) {
-      const float root = static_cast<float>(slab.tone[j]);
-      albedo[j] = root * root * tint[j];
-    }
-    float row[16] = {};
-    for (int f = 0; f < 6; ++f) {
-      const float share = static_cast<float>(slab.facing[f]);
-      for (int j = 0; j < 16; ++j) row[j] += share * light.row[f][j];
-    }
-    const float open = static_cast<float>(slab.open) * (1.0F / 255.0F);
-    glm::vec3 base;
-    for (int c = 0; c < 3; ++c) {
-      base[c] = (albedo[c] + albedo[3 + c]) + (albedo[6 + c] + albedo[9 + c]) + albedo[12 + c];
-    }
-    if (scene.by_channel) {
-      const float luma = (base.x * 0.2126F + base.y * 0.7152F) + base.z * 0.0722F;
-      base = shown * (std::sqrt(luma) * 0.45F + 0.55F);
-    }
-    glm::vec3 color;
-    for (int c = 0; c < 3; ++c) {
-      color[c] = base[c] * (row[c] + open * row[4 + c]) + open * row[8 + c];
-      color[c] = horizon[c] + placed.clear * (color[c] - horizon[c]);
-    }
-    color = element::tone_map(color);
-    const float fill = static_cast<float>(slab.fill) * (1.0F / 255.0F);
-    figure.color[k][0] = color.x * fill;
-    figure.color[k][1] = color.y * fill;
-    figure.color[k][2] = color.z * fill;
-    figure.color[k][3] = fill;
+  const element::SpeckFigure own =
+      element::speck_figure(placed, table.image[placed.image], light, scene.range, channel);
+  const SpeckSlab* slabs =
+      table.slab.data() + std::size_t{placed.image} * SpeckTable::kSlabs + own.first;
+  figure.count = own.count;
+  for (std::uint32_t k = 0; k < own.count; ++k) {
+    const element::SpeckPiece piece =
+        element::speck_piece(own, k, slabs[k], placed, light, *scene.scene, scene.range.colors);
+    figure.top[k] = piece.top;
+    figure.bottom[k] = piece.bottom;
+    figure.left[k] = piece.left;
+    figure.right[k] = piece.right;
+    std::memcpy(figure.color[k], piece.color, sizeof piece.color);
   }
 }
 
@@ -334,7 +132,7 @@ void DrawSpecks(const SpeckBatch& batch, const SpeckScene& scene, const SpeckLig
     }
     const PlacedSpeck& placed = batch.placed[e];
     const SpeckImage& image = batch.table->image[placed.image];
-    const float size_y = placed.size * light.tall[ElevationOf(placed.image)];
+    const float size_y = placed.size * light.tall[element::elevation_of_image(placed.image)];
     const float up_low = placed.y - size_y * image.y_high - static_cast<float>(y_px);
     const float up_high = placed.y - size_y * image.y_low - static_cast<float>(y_px);
     const float lean_low = placed.lean * size_y * image.y_low;
@@ -358,11 +156,11 @@ void DrawSpecks(const SpeckBatch& batch, const SpeckScene& scene, const SpeckLig
       }
       return through;
     };
-    constexpr float kLeast = 0.02F;
+    constexpr float kLeast = 4.0F * element::kSpeckLeastThrough;
     bool is_seen = false;
     for (int y = y0; y <= y1 && !is_seen; ++y) {
       for (int x = x0; x <= x1; ++x) {
-        if (Sum(seen_through(places(x, y))) > 4.0F * kLeast) {
+        if (Sum(seen_through(places(x, y))) > kLeast) {
           is_seen = true;
           break;
         }
@@ -371,7 +169,7 @@ void DrawSpecks(const SpeckBatch& batch, const SpeckScene& scene, const SpeckLig
     if (!is_seen) continue;
     const auto number = static_cast<std::uint32_t>(batch.entries[e]);
     ShadeFigure(scene, light, *batch.table, placed,
-                scene.by_channel ? batch.specks[number].channel : 0.0F, figure);
+                scene.range.colors ? batch.specks[number].channel : 0.0F, figure);
     std::uint32_t k_first = 0;  // slabs go up, rows down
     for (int y = y1; y >= y0; --y) {
       const auto row_top = static_cast<float>(y + y_px), row_bottom = row_top + 1.0F;
@@ -402,6 +200,7 @@ void DrawSpecks(const SpeckBatch& batch, const SpeckScene& scene, const SpeckLig
         }
         const std::size_t at = places(x, y);
         const Four through = seen_through(at);
+        if (!(Sum(through) > kLeast)) continue;  // so no pixel depends on its neighbours
         float* rgb = tile.rgb[y * kTilePx + x];
         Store(Load(rgb) + color * All(0.25F * Sum(through)), rgb);
         StoreSamples(LoadSamples(tile.through + at) - through * All(alpha), tile.through + at);
@@ -421,18 +220,14 @@ void BlendSpecks(const SpeckBatch& batch, const SpeckScene& scene, int x_px, int
   }
 }
 
-/// A shadow is a slanted box on the picture: rows of one width if it runs up or down, else columns
-/// of one height. Only its area is exact.
 void ShadeSpecks(const SpeckBatch& batch, const SpeckScene& scene, int x_px, int y_px,
                  float* missing) {
   const SpeckLight light = LightOf(scene, static_cast<float>(x_px + kTilePx / 2),
                                    static_cast<float>(y_px + kTilePx / 2));
-  const glm::vec2 along = light.along;
-  const float area = std::fabs(along.x * light.across.y - along.y * light.across.x);
-  const bool is_tall = std::fabs(along.y) > std::fabs(along.x);
-  const float run = is_tall ? along.y : along.x, slide = is_tall ? along.x : along.y;
-  if (!(std::fabs(run) > 1e-4F) || light.shadow < 0.01F) return;
-  const float slant = slide / run, across = area / std::fabs(run);
+  const element::SpeckShadow shadow = element::speck_shadow(light);
+  if (!shadow.falls) return;
+  const bool is_tall = shadow.is_tall;
+  const float run = shadow.run, slant = shadow.slant, across = shadow.across;
   const int stride_run = is_tall ? kTilePx : 1, stride_across = is_tall ? 1 : kTilePx;
   for (std::size_t e = 0; e < batch.count; ++e) {
     const PlacedSpeck& placed = batch.placed[e];
@@ -487,26 +282,15 @@ void SpeckStage::place(const FrameGeometry& geometry, const SpeckScene& scene,
   const auto height = static_cast<float>(scene.grid->height) * 0.5F;
   const bool shadows = scene.scene->shadows;
   const auto for_tiles = [&](const PlacedSpeck& placed, const auto& visit) {
-    const SpeckImage& image = table.image[placed.image];
-    const float lean = std::fabs(placed.lean) * placed.size;
-    const float aside = shadows ? placed.size : 0.0F;  // about as far as shadows reach
-    const float x0 = placed.x + placed.size * image.x_low - lean - aside;
-    const float x1 = placed.x + placed.size * image.x_high + lean + aside;
-    const float y0 = placed.y - 1.25F * placed.size * image.y_high;
-    const float y1 = placed.y - 1.25F * placed.size * image.y_low + 0.5F * aside;
-    if (!(x1 > 0.0F && y1 > 0.0F && x0 < width && y0 < height)) return;
-    const auto tile_of = [](float at, float size) {
-      return static_cast<std::uint32_t>(std::clamp(at, 0.0F, size - 1.0F)) / kTilePx;
-    };
-    const std::uint32_t tx1 = tile_of(x1, width), ty1 = tile_of(y1, height);
-    for (std::uint32_t ty = tile_of(y0, height); ty <= ty1; ++ty) {
-      for (std::uint32_t tx = tile_of(x0, width); tx <= tx1; ++tx) visit(ty * tiles_x + tx);
+    const element::SpeckTiles tiles =
+        element::speck_tiles(placed, table.image[placed.image], shadows, width, height);
+    for (std::uint32_t ty = tiles.y_low; ty <= tiles.y_high; ++ty) {
+      for (std::uint32_t tx = tiles.x_low; tx <= tiles.x_high; ++tx) visit(ty * tiles_x + tx);
     }
   };
   pool.run(runs.size(), [&](std::size_t r, unsigned) {
     HWY_DYNAMIC_DISPATCH(PlaceSpecks)
-    (geometry.specks.data() + runs[r].first, runs[r].count, table, scene,
-     placed_.data() + runs[r].first);
+    (geometry.specks.data() + runs[r].first, runs[r].count, scene, placed_.data() + runs[r].first);
   });
   bins_.fill(tiles, runs.size(), pool, [&](std::size_t begin, std::size_t end, auto&& put) {
     for (std::size_t r = begin; r < end; ++r) {
