@@ -13,6 +13,7 @@
 
 #include "render/compute/cpu/levels.hpp"
 #include "render/compute/cpu/work_pool.hpp"
+#include "render/raster/element/figure_shadow.hpp"
 #include "render/raster/element/tone.hpp"
 #include "render/raster/gl/cast_textures.hpp"
 #include "render/raster/gl/cuda_interop.hpp"
@@ -97,12 +98,14 @@ class GlRasterizer final : public Rasterizer {
     tone_shifts_.release();
     reliefs_.release();
     splats_.release();
+    figures_.release();
     const GLuint textures[] = {base_color_, tint_mask_};
     glDeleteTextures(2, textures);
     glDeleteBuffers(1, &uniforms_);
     glDeleteVertexArrays(1, &mesh_array_);
     glDeleteVertexArrays(1, &empty_array_);
-    for (GLuint program : {agents_, blobs_, cast_shadows_, background_}) glDeleteProgram(program);
+    for (GLuint program : {agents_, blobs_, cast_shadows_, floors_, background_})
+      glDeleteProgram(program);
   }
 
   /// Takes vertices from the memory of a CUDA device, if OpenGL draws on it.
@@ -145,6 +148,7 @@ class GlRasterizer final : public Rasterizer {
         {&blobs_, "blobs", blob_vertex_shader(), blob_fragment_shader()},
         {&cast_shadows_, "cast shadows", cast_shadow_vertex_shader(),
          cast_shadow_fragment_shader()},
+        {&floors_, "floors", background_vertex_shader(), floor_fragment_shader()},
         {&background_, "background", background_vertex_shader(), background_fragment_shader()}};
     for (const Wanted& one : wanted) {
       auto program = make_program(one.name, one.vertex, one.fragment);
@@ -219,6 +223,7 @@ class GlRasterizer final : public Rasterizer {
       }
       options.tint_mask |= member.character.tint_mask.level_count > 0;
       options.tones |= !member.character.corner_tones.band.empty();
+      options.surroundings |= member.environment;
       base.push_back(&member.character.base_color);
       masks.push_back(&member.character.tint_mask);
     }
@@ -461,6 +466,7 @@ class GlRasterizer final : public Rasterizer {
     }
 
     if (auto status = stage_tones(geometry); !status.ok()) return status;
+    if (auto status = stage_figures(geometry, scene); !status.ok()) return status;
 
     // Runs of neighbours in the batched buffer are one range of indices.
     caster_counts_.clear();
@@ -478,6 +484,31 @@ class GlRasterizer final : public Rasterizer {
             reinterpret_cast<const void*>(std::uintptr_t{3} * begin * sizeof(GLuint)));
       }
       run_end = end;
+    }
+    return absl::OkStatus();
+  }
+
+  /// Who may throw a shadow on the surroundings that are seen.
+  absl::Status stage_figures(const FrameGeometry& geometry, const SceneFrame& scene) {
+    constexpr std::size_t kCells = element::FigureCells::kCount;
+    shades_surroundings_ =
+        scene.shadows && std::any_of(casters_.begin(), casters_.end(), [&](std::uint32_t i) {
+          return shades_[i].cast_shadow == kNoBlob;
+        });
+    if (!options_.surroundings) return absl::OkStatus();
+    if (auto status = figures_.reserve((kCells + shades_.size()) * sizeof(std::uint32_t));
+        !status.ok()) {
+      return status;
+    }
+    listed_ = {static_cast<std::uint32_t*>(figures_.data()),
+               static_cast<std::uint32_t*>(figures_.data()) + kCells, -1e9F};
+    std::fill_n(listed_.first, kCells, element::FigureCells::kNobody);
+    for (std::size_t i = 0; i < shades_.size() && shades_surroundings_; ++i) {
+      if (shades_[i].cast_shadow == kNoBlob) continue;
+      if (!geometry.representation.empty() && geometry.representation[i] == Representation::kNone) {
+        continue;
+      }
+      element::list_figure(listed_, shades_[i], static_cast<std::uint32_t>(i));
     }
     return absl::OkStatus();
   }
@@ -516,10 +547,12 @@ class GlRasterizer final : public Rasterizer {
     uniforms.ground_light = glm::vec4(scene.ground_light, flag(scene.shadows));
     uniforms.horizon_color = glm::vec4(scene.horizon_color, flag(scene.orthographic));
     uniforms.ground_color = glm::vec4(scene.ground_color, scene.haze_per_m);
-    uniforms.ray_origin = glm::vec4(scene.ray_origin, 0.0F);
+    uniforms.ray_origin = glm::vec4(scene.ray_origin, flag(!shades_surroundings_));
     uniforms.ray_origin_x = glm::vec4(scene.ray_origin_x, 0.0F);
     uniforms.ray_origin_y = glm::vec4(scene.ray_origin_y, 0.0F);
-    uniforms.ray_direction = glm::vec4(scene.ray_direction, 0.0F);
+    // a little above the highest floor
+    const float lift_m = shades_surroundings_ ? 1.25F * element::kFloorM : 0.0F;
+    uniforms.ray_direction = glm::vec4(scene.ray_direction, lift_m);
     uniforms.ray_direction_x = glm::vec4(scene.ray_direction_x, 0.0F);
     uniforms.ray_direction_y = glm::vec4(scene.ray_direction_y, 0.0F);
     uniforms.grid =
@@ -621,6 +654,10 @@ class GlRasterizer final : public Rasterizer {
       glBindTextureUnit(1, tint_mask_);
       glBindVertexArray(mesh_array_);
       if (options_.tones) bind_tones(geometry);
+      if (options_.surroundings) {
+        glUniform1f(1, listed_.top_relative_m);
+        glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 11, figures_.name());
+      }
       if (on_device_) {  // how many there are is known there
         glBindBuffer(GL_DRAW_INDIRECT_BUFFER, interop_->command());
         glDrawElementsIndirect(GL_TRIANGLES, GL_UNSIGNED_INT, nullptr);
@@ -653,6 +690,14 @@ class GlRasterizer final : public Rasterizer {
       glBlendEquation(GL_FUNC_ADD);
     }
 
+    if (shades_surroundings_) {  // floors: where something was drawn
+      glBlendFuncSeparate(GL_ZERO, GL_ONE_MINUS_DST_ALPHA, GL_ONE, GL_ZERO);
+      glDepthFunc(GL_LESS);
+      glUseProgram(floors_);
+      glBindVertexArray(empty_array_);
+      glDrawArrays(GL_TRIANGLES, 0, 3);
+    }
+
     // Ground and sky: colour times what the shadows leave; the picture's alpha is 1 again.
     glBlendFuncSeparate(GL_ONE_MINUS_DST_ALPHA, GL_ZERO, GL_ONE, GL_ZERO);
     glDepthFunc(GL_EQUAL);
@@ -678,7 +723,10 @@ class GlRasterizer final : public Rasterizer {
   ShaderOptions options_;
   GLint max_texture_px_ = 0, max_layers_ = 0, max_storage_bytes_ = 0;
   GLsizei samples_ = 4;
-  GLuint agents_ = 0, blobs_ = 0, cast_shadows_ = 0, background_ = 0;
+  GLuint agents_ = 0, blobs_ = 0, cast_shadows_ = 0, floors_ = 0, background_ = 0;
+  MappedBuffer figures_;  // element::FigureCells
+  element::FigureCells listed_;
+  bool shades_surroundings_ = false;
   GLuint mesh_array_ = 0, empty_array_ = 0, uniforms_ = 0, base_color_ = 0, tint_mask_ = 0;
   MappedBuffer vertices_, indices_, instances_, tones_, tone_shifts_;
   std::vector<std::uint32_t> first_tone_;  // of tones_, by member of the cast

@@ -14,8 +14,9 @@ layout(std140, binding = 0) uniform Frame {
   vec4 ground_light;    // w: 1 where shadows are drawn
   vec4 horizon_color;   // w: 1 for an orthographic camera
   vec4 ground_color;    // w: share of haze a metre
-  vec4 ray_origin, ray_origin_x, ray_origin_y;           // of pixel (0, 0), and a pixel's step
-  vec4 ray_direction, ray_direction_x, ray_direction_y;
+  // of pixel (0, 0), and a pixel's step. ray_origin.w: alpha of what is drawn before the shadows
+  vec4 ray_origin, ray_origin_x, ray_origin_y;
+  vec4 ray_direction, ray_direction_x, ray_direction_y;  // ray_direction.w: shadows' depth, metres over the ground
   vec4 grid;            // xy: the eye's place within 20 m; zw: the tile's first pixel
 } frame;
 
@@ -50,6 +51,7 @@ struct Instance {
   float size_px;
 };
 layout(std430, binding = 1) readonly buffer Instances { Instance instances[]; };
+const float kFloor = 0.04;  // element::kFloorM
 
 vec3 unpack_color(uint bits) {
   vec3 root = vec3(bits & 1023u, (bits >> 10) & 1023u, (bits >> 20) & 1023u) * (1.0 / 1023.0);
@@ -156,6 +158,56 @@ void read_tone(uint instance, vec3 place, out vec3 linear, out vec4 mask) {
 }
 )";
 
+// Shadows of figures on walls: mirrors element/figure_shadow.hpp.
+constexpr char kSurfaceShadow[] = R"(
+layout(std430, binding = 11) readonly buffer Figures { uint figures[]; };  // of cells, then the next of each
+layout(location = 1) uniform float figures_top;  // relative; below everything: nobody throws any
+
+float figure_shadow(vec2 toward, float rise, vec4 feet, vec3 p) {
+  vec2 d = feet.xy - p.xy;
+  float gap_m = dot(d, toward);
+  float aside_m = abs(d.y * toward.x - d.x * toward.y);
+  float per_meter = 1.75 / feet.w;
+  if (aside_m >= 0.6 || gap_m >= 6.0 || gap_m * per_meter <= -0.25) return 0.0;
+  float gap = max(gap_m, 0.0);
+  float x = aside_m * per_meter;
+  float z = (p.z - feet.z + gap * rise) * per_meter;
+  if (z >= 2.2 || z <= -0.3) return 0.0;
+  float legs = length(vec2(x - 0.09, z - clamp(z, 0.05, 0.80))) - 0.085;
+  float trunk = length(vec2(x, z - clamp(z, 0.86, 1.24))) - 0.19;
+  float head = length(vec2(x, z - clamp(z, 1.61, 1.64))) - 0.105;
+  float soft = 0.05 + 0.08 * gap;
+  float covered = clamp(0.5 - min(min(legs, trunk), head) / soft, 0.0, 1.0);
+  float fade = clamp(1.0 + gap_m * per_meter * 4.0, 0.0, 1.0) * clamp(6.0 - gap, 0.0, 1.0);
+  return covered * fade * (0.56 - 0.14 * clamp(z / 1.75, 0.0, 1.0));
+}
+
+float surface_shadow(vec3 p, vec3 n) {
+  vec3 sun = frame.sun_direction.xyz;
+  bool is_floor = abs(p.z - frame.sun_direction.w) < kFloor && n.z > 0.7;
+  float facing = min(dot(n, sun) * 2.5, 1.0);
+  float flat_length = length(sun.xy);
+  if (is_floor || facing <= 0.0 || flat_length <= 1e-3) return 0.0;
+  vec2 toward = sun.xy / flat_length;
+  float rise = max(sun.z, 0.05) / flat_length;
+  float reach = min((figures_top - p.z) / rise, 6.0);
+  if (reach <= 0.0) return 0.0;
+  vec2 to = p.xy + toward * reach;
+  ivec2 low = ivec2(floor((min(p.xy, to) - 0.6) * 0.5)), high = ivec2(floor((max(p.xy, to) + 0.6) * 0.5));
+  float strongest = 0.0;
+  for (int y = low.y; y <= high.y; ++y) {
+    for (int x = low.x; x <= high.x; ++x) {
+      uint list = (uint(x) * 73856093u ^ uint(y) * 19349663u) & 16383u;
+      for (uint i = figures[list]; i != 0xffffffffu; i = figures[16384u + i]) {
+        strongest = max(strongest, figure_shadow(toward, rise, instances[i].feet, p));
+      }
+    }
+  }
+  float distance_m = frame.horizon_color.w > 0.5 ? 0.0 : length(p);
+  return strongest * facing / (1.0 + distance_m * frame.ground_color.w);
+}
+)";
+
 constexpr char kAgentFragment[] = R"(
 in vec3 v_position;
 in vec3 v_normal;
@@ -198,7 +250,15 @@ void main() {
 #ifdef TWO_SIDED
   if (!gl_FrontFacing) n = -n;
 #endif
-  color = vec4(lit_color(albedo, n, v_position, v_uv_ao.z), 1.0);
+  color = vec4(lit_color(albedo, n, v_position, v_uv_ao.z), frame.ray_origin.w);
+#ifdef SURROUNDINGS
+  vec3 face = cross(dFdx(v_position), dFdy(v_position));
+  vec3 ray = frame.horizon_color.w > 0.5 ? frame.ray_direction.xyz : v_position;
+  if (instances[v_visible].cast_shadow == 2.0 && dot(face, face) > 0.0) {
+    face = normalize(dot(face, ray) > 0.0 ? -face : face);
+    color.rgb *= 1.0 - surface_shadow(v_position, face);
+  }
+#endif
 }
 )";
 
@@ -365,7 +425,7 @@ void main() {
   vec3 albedo = channel != 0xffffffffu ? channel_color(channel, base)
                                        : tinted(base, unpackUnorm4x8(regions[texel]), instances[d.instance].tints);
   float height = position.z - instances[d.instance].feet.z;
-  color = vec4(lit_color(albedo, n, position, mix(0.55, 1.0, smoothstep(-0.05, 0.75, height))), 1.0);
+  color = vec4(lit_color(albedo, n, position, mix(0.55, 1.0, smoothstep(-0.05, 0.75, height))), frame.ray_origin.w);
 }
 )";
 
@@ -459,7 +519,18 @@ void main() {
   float rise = dot(v_slope.xy, at);
   if (dot(at, at) + rise * rise > v_disc.w) discard;
   gl_FragDepth = clamp(v_disc.z + v_slope.z * rise, 1e-30, 1.0);
-  color = vec4(v_color, 1.0);
+  color = vec4(v_color, frame.ray_origin.w);
+}
+)";
+
+constexpr char kGround[] = R"(
+// Where a place of the ground is on the picture; its depth is that of floors on it.
+vec4 on_ground(vec2 place) {
+  vec4 at = frame.clip_from_relative * vec4(place, frame.sun_direction.w, 1.0);
+  if (frame.ray_direction.w == 0.0) return at;
+  vec4 over = frame.clip_from_relative * vec4(place, frame.sun_direction.w + frame.ray_direction.w, 1.0);
+  if (at.w > 0.0 && over.w > 0.0) at.z = min(over.z / over.w, 1.0) * at.w;
+  return at;
 }
 )";
 
@@ -486,7 +557,7 @@ void main() {
                     seen * max(1.0 - instance.cast_shadow, 0.0));
   vec2 place = instance.feet.xy +
                (away * along + vec2(-away.y, away.x) * across) * (instance.feet.w / 1.75);
-  gl_Position = frame.clip_from_relative * vec4(place, frame.sun_direction.w, 1.0);
+  gl_Position = on_ground(place);
 }
 )";
 
@@ -512,7 +583,8 @@ constexpr char kCastShadowVertex[] = R"(
 layout(location = 0) in vec3 position;
 layout(location = 3) in uint visible;
 flat out float v_share;
-out float v_height;
+flat out float v_least;  // height of what throws any, metres
+out vec2 v_height;       // share of the figure's, metres
 void main() {
   vec4 feet = instances[visible].feet;
   float height = max(position.z - frame.sun_direction.w, 0.0);
@@ -521,16 +593,21 @@ void main() {
   float distance_m = frame.horizon_color.w > 0.5 ? 1e-3 : length(feet.xyz);
   v_share = min(instances[visible].cast_shadow, 1.0) *
             (1.0 - exp2(-55.0 * min(abs(frame.sun_direction.w) / distance_m, 1.0)));
-  v_height = height / max(feet.w, 0.1);
-  gl_Position = frame.clip_from_relative * vec4(place, frame.sun_direction.w, 1.0);
+  v_height = vec2(height / max(feet.w, 0.1), height);
+  v_least = instances[visible].cast_shadow == 2.0 ? kFloor : 0.0;  // floors throw none
+  gl_Position = on_ground(place);
 }
 )";
 
 constexpr char kCastShadowFragment[] = R"(
 flat in float v_share;
-in float v_height;
+flat in float v_least;
+in vec2 v_height;
 layout(location = 0) out vec4 color;
-void main() { color = vec4(0.0, 0.0, 0.0, v_share * mix(0.56, 0.42, clamp(v_height, 0.0, 1.0))); }
+void main() {
+  if (v_height.y < v_least) discard;
+  color = vec4(0.0, 0.0, 0.0, v_share * mix(0.56, 0.42, clamp(v_height.x, 0.0, 1.0)));
+}
 )";
 
 constexpr char kBackgroundVertex[] = R"(
@@ -538,6 +615,12 @@ void main() {
   vec2 corner = vec2((gl_VertexID & 1) * 4 - 1, (gl_VertexID & 2) * 2 - 1);
   gl_Position = vec4(corner, 0.0, 1.0);  // depth 0: only where nothing was drawn
 }
+)";
+
+// Takes the light that is missing from floors.
+constexpr char kFloorFragment[] = R"(
+layout(location = 0) out vec4 color;
+void main() { color = vec4(0.0, 0.0, 0.0, 1.0); }
 )";
 
 constexpr char kBackgroundFragment[] = R"(
@@ -616,6 +699,7 @@ std::string defines(const ShaderOptions& options) {
   if (options.two_sided) text += "#define TWO_SIDED\n";
   if (options.tint_mask) text += "#define TINT_MASK\n";
   if (options.tones) text += "#define TONES\n";
+  if (options.surroundings) text += "#define SURROUNDINGS\n";
   return text;
 }
 
@@ -626,7 +710,8 @@ std::string agent_vertex_shader(const ShaderOptions&) {
 }
 std::string agent_fragment_shader(const ShaderOptions& options) {
   return std::string(kCommon) + defines(options) + kInstances + kLight +
-         (options.tones ? kTones : "") + kAgentFragment;
+         (options.tones ? kTones : "") + (options.surroundings ? kSurfaceShadow : "") +
+         kAgentFragment;
 }
 std::string impostor_vertex_shader() {
   return std::string(kCommon) + kInstances + kImpostors + kImpostorVertex;
@@ -643,12 +728,13 @@ std::string splat_vertex_shader(int samples) {
 std::string splat_fragment_shader(int samples) {
   return std::string(kCommon) + (samples > 1 ? "#define SAMPLES\n" : "") + kSplatFragment;
 }
-std::string blob_vertex_shader() { return std::string(kCommon) + kInstances + kBlobVertex; }
+std::string blob_vertex_shader() { return std::string(kCommon) + kInstances + kGround + kBlobVertex; }
 std::string blob_fragment_shader() { return std::string(kCommon) + kBlobFragment; }
 std::string cast_shadow_vertex_shader() {
-  return std::string(kCommon) + kInstances + kCastShadowVertex;
+  return std::string(kCommon) + kInstances + kGround + kCastShadowVertex;
 }
 std::string cast_shadow_fragment_shader() { return std::string(kCommon) + kCastShadowFragment; }
+std::string floor_fragment_shader() { return std::string(kCommon) + kFloorFragment; }
 std::string background_vertex_shader() { return std::string(kCommon) + kBackgroundVertex; }
 std::string background_fragment_shader() { return std::string(kCommon) + kBackgroundFragment; }
 

@@ -10,6 +10,7 @@ struct ShaderOptions {
   bool two_sided = false;  // back faces are seen
   bool tint_mask = false;  // some character has a tint mask
   bool tones = false;      // some character has CornerTones
+  bool surroundings = false;
 };
 
 std::string agent_vertex_shader(const ShaderOptions& options);
@@ -23,6 +24,7 @@ std::string blob_vertex_shader();
 std::string blob_fragment_shader();
 std::string cast_shadow_vertex_shader();
 std::string cast_shadow_fragment_shader();
+std::string floor_fragment_shader();
 std::string background_vertex_shader();
 std::string background_fragment_shader();
 

@@ -13,6 +13,7 @@
 #include "render/compute/cpu/levels.hpp"
 #include "render/compute/cpu/work_pool.hpp"
 #include "render/compute/element/hash.hpp"
+#include "render/raster/element/figure_shadow.hpp"
 #include "render/raster/element/tone.hpp"
 #include "render/raster/scene.hpp"
 #include "render/raster/visibility/cpu/bins.hpp"
@@ -141,8 +142,11 @@ class VisibilityRasterizer final : public Rasterizer {
   }
   void add_relief(const FrameGeometry& geometry, std::uint32_t instance, std::uint32_t box,
                   int sample_x, int sample_y, std::size_t sample, TileScratch& scratch) const;
-  void collect_items(const FrameGeometry& geometry, int tile_x_px, int tile_y_px, int width,
-                     int height, TileScratch& scratch) const;
+  void find_figures(const FrameGeometry& geometry, const SceneFrame& scene);
+  void collect_items(const FrameGeometry& geometry, const SceneFrame& scene, int tile_x_px,
+                     int tile_y_px, int width, int height, TileScratch& scratch) const;
+  void collect_missing(const SceneFrame& scene, std::size_t tile, int tile_x_px, int tile_y_px,
+                       int width, int height, TileScratch& scratch) const;
   void add_background(const SceneFrame& scene, std::size_t tile, int tile_x_px, int tile_y_px,
                       int width, int height, TileScratch& scratch,
                       const FrameGeometry& geometry) const;
@@ -188,6 +192,11 @@ class VisibilityRasterizer final : public Rasterizer {
   };
   std::vector<BlobRecord> blobs_;  // [V]
   std::vector<std::uint32_t> casters_;
+  // who may throw a shadow on the surroundings; of no use where none are seen
+  bool shades_surroundings_ = false;
+  std::vector<std::uint32_t> figure_first_, figure_next_;
+  element::FigureCells figures_;
+  element::Sunward sunward_{};
   std::vector<BatchVertex> shadow_vertices_;
   std::vector<std::uint32_t> shadow_indices_;
   Projected shadow_projected_;
@@ -236,6 +245,8 @@ RasterCounters VisibilityRasterizer::counters() const {
   sum.size_bytes += splats_.size_bytes() + specks_.size_bytes() + bins_.size_bytes() +
                     blob_bins_.size_bytes() + caster_bins_.size_bytes();
   add(blobs_);
+  add(figure_first_);
+  add(figure_next_);
   add(shadow_vertices_);
   add(shadow_indices_);
   return sum;
@@ -650,8 +661,14 @@ void VisibilityRasterizer::project_shadows(const FrameGeometry& geometry, const 
     std::uint32_t* out = shadow_indices_.data() + caster.first_index;
     if (caster.level == Caster::kAllTriangles) {
       const std::uint32_t* index = geometry.indices.data() + drawn_[i].first;
-      for (std::uint32_t k = 0; k < 3 * caster.triangles; ++k) {
-        *out++ = index[k] - begin + caster.first_vertex;
+      const bool is_wall = shade.cast_shadow == kNoBlob;
+      for (std::uint32_t t = 0; t < caster.triangles; ++t, index += 3) {
+        const auto z = [&](int k) { return geometry.vertices[index[k]].position_relative.z; };
+        const bool throws = !is_wall || element::throws_shadow(scene, z(0), z(1), z(2));
+        // a floor's triangle becomes a point
+        for (int k = 0; k < 3; ++k) {
+          *out++ = index[throws ? k : 0] - begin + caster.first_vertex;
+        }
       }
     } else {
       const std::uint32_t* corners =
@@ -785,8 +802,29 @@ void VisibilityRasterizer::add_relief(const FrameGeometry& geometry, std::uint32
   }
 }
 
-void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, int tile_x_px,
-                                         int tile_y_px, int width, int height,
+/// Lists who may throw a shadow on the surroundings that are seen, by where they stand.
+void VisibilityRasterizer::find_figures(const FrameGeometry& geometry, const SceneFrame& scene) {
+  shades_surroundings_ =
+      scene.shadows && std::any_of(casters_.begin(), casters_.end(), [&](std::uint32_t i) {
+        return shades_[i].cast_shadow == kNoBlob;
+      });
+  if (!shades_surroundings_) return;
+  sunward_ = element::sunward(scene);
+  figure_first_.assign(element::FigureCells::kCount, element::FigureCells::kNobody);
+  if (figure_next_.size() < count_) figure_next_.resize(count_ + count_ / 2);
+  figures_ = {figure_first_.data(), figure_next_.data(), -1e9F};
+  for (std::size_t i = 0; i < count_; ++i) {
+    const InstanceShade& shade = shades_[i];
+    if (shade.cast_shadow == kNoBlob) continue;
+    if (!geometry.representation.empty() && geometry.representation[i] == Representation::kNone) {
+      continue;
+    }
+    element::list_figure(figures_, shade, static_cast<std::uint32_t>(i));
+  }
+}
+
+void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, const SceneFrame& scene,
+                                         int tile_x_px, int tile_y_px, int width, int height,
                                          TileScratch& scratch) const {
   scratch.figures.clear();
   scratch.flat_items.count = 0;
@@ -816,7 +854,20 @@ void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, int tile
     const auto pixel = static_cast<std::uint16_t>(y * kTilePx + x);
     if (!is_flat) {
       if (!is_shared) __builtin_prefetch(geometry.indices.data() + first);
-      scratch.figures.add(instance, is_shared, {first, pixel, static_cast<std::uint16_t>(samples)});
+      unsigned shown = samples;
+      if (shades_surroundings_ && shades_[instance].cast_shadow == kNoBlob) {
+        glm::vec3 corner[3];
+        for (unsigned k = 0; k < 3; ++k) {
+          corner[k] = geometry.vertices[geometry.indices[first + k]].position_relative;
+        }
+        const SamplePlace& place = kSamplePlaces[samples];
+        shown |= element::surface_shadow(scene, sunward_, figures_, shades_.data(), corner,
+                                         static_cast<float>(tile_x_px + x) + place.x,
+                                         static_cast<float>(tile_y_px + y) + place.y,
+                                         scratch.missing[pixel])
+                 << 4;
+      }
+      scratch.figures.add(instance, is_shared, {first, pixel, static_cast<std::uint16_t>(shown)});
       return;
     }
     ShadeItems& items = scratch.flat_items;
@@ -917,12 +968,12 @@ void VisibilityRasterizer::collect_facts(int tile_x_px, int tile_y_px, int width
   }
 }
 
-void VisibilityRasterizer::add_background(const SceneFrame& scene, std::size_t tile, int tile_x_px,
-                                          int tile_y_px, int width, int height,
-                                          TileScratch& scratch,
-                                          const FrameGeometry& geometry) const {
+/// Share of the ground's light that shadows take, but for specks'.
+void VisibilityRasterizer::collect_missing(const SceneFrame& scene, std::size_t tile, int tile_x_px,
+                                           int tile_y_px, int width, int height,
+                                           TileScratch& scratch) const {
   std::memset(scratch.missing, 0, sizeof(scratch.missing));
-  if (scene.shadows && !geometry.instances.empty()) {
+  if (scene.shadows && count_ > 0) {
     const std::span<const std::uint32_t> casters = caster_bins_.of(tile);
     if (!casters.empty()) {
       clear_tile(scratch.shadow);
@@ -957,6 +1008,12 @@ void VisibilityRasterizer::add_background(const SceneFrame& scene, std::size_t t
                  y1 - y0 + 1, kTilePx, scratch.missing + y0 * kTilePx + from);
     }
   }
+}
+
+void VisibilityRasterizer::add_background(const SceneFrame& scene, std::size_t tile, int tile_x_px,
+                                          int tile_y_px, int width, int height,
+                                          TileScratch& scratch,
+                                          const FrameGeometry& geometry) const {
   if (scene.shadows && specks_.any(tile)) {
     specks_.shade(tile, tile_x_px, tile_y_px, geometry, speck_scene_, scratch.speck,
                   scratch.missing);
@@ -1093,10 +1150,11 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
     return;
   }
   std::memset(scratch.rgb, 0, sizeof(scratch.rgb));
+  collect_missing(scene, tile, tile_x_px, tile_y_px, width, height, scratch);
   if (empty) {
     std::fill(scratch.background_share, scratch.background_share + kPixels, 1.0F);
   } else {
-    collect_items(geometry, tile_x_px, tile_y_px, width, height, scratch);
+    collect_items(geometry, scene, tile_x_px, tile_y_px, width, height, scratch);
     if (facts_ != nullptr) {
       collect_facts(tile_x_px, tile_y_px, width, height, static_cast<int>(viewport.width_px),
                     geometry.splats, scratch.planes);
@@ -1157,12 +1215,14 @@ absl::Status VisibilityRasterizer::draw(const FrameGeometry& geometry, const Cam
     relief_search_.linear_steps = std::clamp(relief_search_.linear_steps, 1U, 1024U);
     relief_search_.binary_steps = std::min(relief_search_.binary_steps, 32U);
     count_ = geometry.instances.size();
+    shades_surroundings_ = false;
     for (auto& one : scratch_) one->counters = {};
     if (count_ > 0) {
       if (absl::Status status = number_blocks(geometry); !status.ok()) return status;
       shade_instances(geometry, *cast_, scene, look, pool_, shades_, casters_);
       prepare(geometry);
       bin();
+      find_figures(geometry, scene);
       if (scene.shadows) {
         project_shadows(geometry, scene);
         bin_shadows(geometry, scene, viewport);

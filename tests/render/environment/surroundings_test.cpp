@@ -45,6 +45,20 @@ class SurroundingsTest : public testing::TestWithParam<RasterKind> {
     return picture.rgbx[4 * (static_cast<std::size_t>(y) * 120 + static_cast<std::size_t>(x))];
   }
 
+  /// Pixels that shadows make darker, but where agents are seen.
+  int darkened(const Crowd& crowd, const Crowd& nobody) {
+    view_.look.shadows = false;
+    const Picture bare = draw(crowd), empty = draw(nobody);
+    view_.look.shadows = true;
+    const Picture shaded = draw(crowd), alone = draw(nobody);
+    int count = 0;
+    for (std::size_t i = 0; i < shaded.rgbx.size(); i += 4) {
+      const bool is_agent = bare.rgbx[i] != empty.rgbx[i] || bare.rgbx[i + 1] != empty.rgbx[i + 1];
+      count += !is_agent && alone.rgbx[i] - shaded.rgbx[i] > 10 ? 1 : 0;
+    }
+    return count;
+  }
+
   std::shared_ptr<const Cast> cast_ = test::tiny_cast();
   std::unique_ptr<FramePipeline> pipeline_;
   ViewSettings view_;
@@ -121,6 +135,51 @@ TEST_P(SurroundingsTest, CastShadowsFromBesideAndBehindTheEye) {
     }
   }
   EXPECT_GT(darker, 300);
+}
+
+TEST_P(SurroundingsTest, WallsShowTheShadowsOfWhoStandsBeforeThem) {
+  // the sun comes low over the agent to the wall's western face, which fills most of the picture
+  view_.look.sun_direction_world = {-0.95, 0.0, 0.3};
+  view_.camera = {.eye_world = {-2.0, -3.0, 0.7}, .target_world = {1.0, 0.6, 0.7}};
+  view_.camera.fov_y_rad = 0.4;
+  const auto stands = [&](double x_m, double y_m) {
+    auto crowd = test::standing_crowd(cast_, {{x_m, y_m, 0}});
+    crowd->set_environment(
+        make_environment("POLYGON ((-9 -9, 9 -9, 9 9, -9 9, -9 -9), (1 -4, 3 -4, 3 4, 1 4, 1 -4))",
+                         {}, {.wall_height_m = 3})
+            .value());
+    return crowd;
+  };
+  const auto nobody = stands(0, 100);
+  EXPECT_GT(darkened(*stands(-1.0, 0.6), *nobody), 150);
+  EXPECT_EQ(darkened(*stands(8.0, 0.6), *nobody), 0) << "behind the wall";
+  view_.look.sun_direction_world = {0.95, 0.0, 0.3};
+  EXPECT_EQ(darkened(*stands(-1.0, 0.6), *nobody), 0) << "the face has no sun";
+}
+
+TEST_P(SurroundingsTest, FloorsShowTheGroundsShadowsAndThrowNone) {
+  const auto on_floor = [&](const glm::dvec3& at_m) {
+    auto crowd = test::standing_crowd(cast_, {at_m});
+    crowd->set_environment(
+        make_environment(
+            "POLYGON ((-9 -9, 9 -9, 9 9, -9 9, -9 -9), (-3 -3, 3 -3, 3 3, -3 3, -3 -3))", {},
+            {.wall_height_m = 0.02})
+            .value());
+    return crowd;
+  };
+  const auto without = test::standing_crowd(cast_, {{0, 0, 0}});
+  const auto nobody = test::standing_crowd(cast_, {{0, 100, 0}});
+  const int ground = darkened(*without, *nobody);
+  const auto floor = on_floor({0, 0, 0}), empty = on_floor({0, 100, 0});
+  EXPECT_GT(ground, 20);
+  EXPECT_NEAR(darkened(*floor, *empty), ground, 0.2 * ground);
+  // draw(*empty) with shadows: as without
+  const Picture shaded = draw(*empty);
+  view_.look.shadows = false;
+  const Picture bare = draw(*empty);
+  for (const auto& [x_m, y_m] : {std::pair{0.0, 0.0}, {2.0, 2.0}, {-2.5, 1.0}}) {
+    EXPECT_EQ(red(shaded, x_m, y_m), red(bare, x_m, y_m)) << x_m << ' ' << y_m;
+  }
 }
 
 TEST_P(SurroundingsTest, AreForgottenWithTheirCrowd) {

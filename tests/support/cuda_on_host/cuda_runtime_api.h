@@ -306,6 +306,12 @@ T atomicAdd(T* at, std::type_identity_t<T> value) {
   return old;
 }
 template <typename T>
+T atomicExch(T* at, std::type_identity_t<T> value) {
+  const T old = *at;
+  *at = value;
+  return old;
+}
+template <typename T>
 T atomicMin(T* at, std::type_identity_t<T> value) {
   const T old = *at;
   if (value < old) *at = value;

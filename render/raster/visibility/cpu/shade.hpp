@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "render/compute/cpu/levels.hpp"
+#include "render/raster/element/figure_shadow.hpp"
 #include "render/raster/scene.hpp"
 #include "render/raster/visibility/cpu/tile.hpp"
 #include "render/raster/visibility/element/flat.hpp"
@@ -114,7 +115,7 @@ class FigureItems {
   struct Item {
     std::uint32_t triangle;  // as ShadeItems
     std::uint16_t pixel;     // of the tile
-    std::uint16_t samples;   // of kSamplePlaces
+    std::uint16_t samples;   // of kSamplePlaces; from bit 4 on, element::surface_shadow
   };
   struct Group {
     std::uint32_t instance;  // visible list

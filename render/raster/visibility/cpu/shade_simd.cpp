@@ -408,7 +408,7 @@ void LoadBatch(const FrameGeometry& geometry, const SharedMeshes& meshes,
     const std::size_t place = from + std::min(k, count - 1);
     const FigureItems::Item& item = items.at(place);
     const FigureItems::Group& group = mixed ? items.group_at(place) : items.group_at(from);
-    const SamplePlace& samples = kSamplePlaces[item.samples];
+    const SamplePlace& samples = kSamplePlaces[item.samples & 15U];
     batch.x_px[k] = static_cast<float>(tile_x_px + item.pixel % kTilePx) + samples.x;
     batch.y_px[k] = static_cast<float>(tile_y_px + item.pixel / kTilePx) + samples.y;
     if (group.is_shared != 0) {
@@ -685,7 +685,8 @@ void ShadeFigures(const SceneFrame& scene, const FrameGeometry& geometry,
   const auto add = [&](std::size_t from, std::size_t count) {
     for (std::size_t k = 0; k < count; ++k) {
       const FigureItems::Item& item = items.at(from + k);
-      const float weight = kSamplePlaces[item.samples].weight;
+      const float weight =
+          kSamplePlaces[item.samples & 15U].weight * element::surface_kept(item.samples >> 4);
       for (int c = 0; c < 3; ++c) rgb[c][item.pixel] += weight * batch.light[c][k];
     }
   };

@@ -128,6 +128,8 @@ class CudaRasterizer final : public Rasterizer {
           words(s),
           shadow(s),
           blob_shadow(s),
+          figure_first(s),
+          figure_next(s),
           fact_depth(s),
           fact_instance(s),
           fact_bounds(s),
@@ -167,7 +169,7 @@ class CudaRasterizer final : public Rasterizer {
     DeviceBuffer<glm::uvec2> blob_tiles;
     DeviceBuffer<RasterCounts> counts;
     DeviceBuffer<Word> words;
-    DeviceBuffer<std::uint32_t> shadow, blob_shadow;
+    DeviceBuffer<std::uint32_t> shadow, blob_shadow, figure_first, figure_next;
     DeviceBuffer<float> fact_depth;
     DeviceBuffer<std::uint32_t> fact_instance;
     DeviceBuffer<FactBox> fact_bounds;
@@ -181,8 +183,8 @@ class CudaRasterizer final : public Rasterizer {
                  representation, jointed, joints, splats, own_blocks, small_units, large_units,
                  instance, vertex_offset, triangle_offset, vertices, indices, shade, block_count,
                  first_block, block_instance, projected, special, large, tiles, candidates, casters,
-                 blobs, blob_tiles, counts, words, shadow, blob_shadow, fact_depth, fact_instance,
-                 fact_bounds, scratch);
+                 blobs, blob_tiles, counts, words, shadow, blob_shadow, figure_first, figure_next,
+                 fact_depth, fact_instance, fact_bounds, scratch);
     }
   };
 
@@ -476,6 +478,9 @@ absl::Status CudaRasterizer::make_room(RasterJob& job, std::uint32_t most_blocks
   THRONG_CUDA_TRY(give(b.blob_tiles, kTileRoom, job.blob_tiles), kDraw);
   THRONG_CUDA_TRY(give(b.shadow, words, job.shadow), kDraw);
   THRONG_CUDA_TRY(give(b.blob_shadow, pixels, job.blob_shadow), kDraw);
+  if (job.cast.first_surrounding >= cast_->members.size()) return absl::OkStatus();
+  THRONG_CUDA_TRY(give(b.figure_first, element::FigureCells::kCount, job.figures.first), kDraw);
+  THRONG_CUDA_TRY(give(b.figure_next, job.count, job.figures.next), kDraw);
   return absl::OkStatus();
 }
 
@@ -493,6 +498,11 @@ absl::Status CudaRasterizer::run(const RasterJob& job, std::uint32_t most_blocks
     if (job.scene.shadows) {
       THRONG_CUDA_TRY(cudaMemsetAsync(job.shadow, 0, words * sizeof(std::uint32_t), stream), kDraw);
       THRONG_CUDA_TRY(cudaMemsetAsync(job.blob_shadow, 0, pixels * sizeof(std::uint32_t), stream),
+                      kDraw);
+    }
+    if (job.figures.first != nullptr) {
+      THRONG_CUDA_TRY(cudaMemsetAsync(job.figures.first, 0xff,
+                                      element::FigureCells::kCount * sizeof(std::uint32_t), stream),
                       kDraw);
     }
     THRONG_CUDA_TRY(launch_prepare(job, stream), kDraw);

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <glm/glm.hpp>
 
+#include "render/raster/element/figure_shadow.hpp"
 #include "render/raster/element/instance_shade.hpp"
 #include "render/raster/element/tone.hpp"
 #include "render/raster/visibility/element/clip.hpp"
@@ -164,6 +165,7 @@ struct RasterJob {
   std::uint32_t* shadow = nullptr;       // [words] bits of the light that is missing
   std::uint32_t* blob_shadow = nullptr;  // [pixels]
   std::uint32_t* pixels = nullptr;       // [height][width] r g b 255
+  element::FigureCells figures;          // no lists: nothing stands around
   // PixelFacts; null: nobody asks
   float* fact_depth = nullptr;             // [pixels]
   std::uint32_t* fact_instance = nullptr;  // [pixels]

@@ -53,8 +53,9 @@ __device__ element::ShadeCorners corners_of(const RasterJob& job, std::uint32_t 
 }
 
 /// What an instance shows at pixel coordinates (x, y): tone-mapped, linear.
+/// @param ground_missing  share of the ground's light that shadows take there.
 __device__ glm::vec3 shade_figure(const RasterJob& job, std::uint32_t i, std::uint32_t id, float x,
-                                  float y) {
+                                  float y, float ground_missing) {
   const InstanceShade& shade = job.shade[i];
   const std::uint32_t t = (element::block_of(id) - job.first_block[i]) * element::kBlockTriangles +
                           element::triangle_of(id);
@@ -76,9 +77,13 @@ __device__ glm::vec3 shade_figure(const RasterJob& job, std::uint32_t i, std::ui
     const std::uint32_t* tone = tones_of(job, i) + 3 * t;
     for (int k = 0; k < 3; ++k) corners.uv[k] = tone[k];
   }
-  return element::shade_triangle(job.scene, shade,
-                                 job.cast.character[shade.character & ~kToned].texture,
-                                 job.cast.texels, corners, x, y);
+  const glm::vec3 color = element::shade_triangle(
+      job.scene, shade, job.cast.character[shade.character & ~kToned].texture, job.cast.texels,
+      corners, x, y);
+  if (job.figures.first == nullptr || shade.cast_shadow != kNoBlob) return color;
+  return color * element::surface_kept(
+                     element::surface_shadow(job.scene, element::sunward(job.scene), job.figures,
+                                             job.shade, corners.p, x, y, ground_missing));
 }
 
 /// What a point shows.
@@ -129,6 +134,14 @@ __global__ void __launch_bounds__(kTileX* kTileY) resolve_kernel(RasterJob job) 
   const std::uint32_t y = blockIdx.x / tiles_x * kTileY + threadIdx.x / kTileX;
   if (x >= job.width_px || y >= job.height_px) return;
   const std::size_t at = word_index(job.word_blocks_x, 2 * x, 2 * y);
+  float missing = 0.0F;
+  if (job.count > 0 && job.scene.shadows) {
+    float d[4];
+    for (std::uint32_t k = 0; k < 4; ++k) d[k] = element::bits_float(job.shadow[at + k]);
+    missing = element::most(
+        0.25F * (((d[0] + d[1]) + d[2]) + d[3]),
+        element::bits_float(job.blob_shadow[static_cast<std::size_t>(y) * job.width_px + x]));
+  }
   glm::vec3 color(0.0F, 0.0F, 0.0F);
   float background = 1.0F;
   if (has_words(job)) {
@@ -172,20 +185,12 @@ __global__ void __launch_bounds__(kTileX* kTileY) resolve_kernel(RasterJob job) 
         default:
           one =
               shade_figure(job, instance[first], id[first], static_cast<float>(x) + sum_x / samples,
-                           static_cast<float>(y) + sum_y / samples);
+                           static_cast<float>(y) + sum_y / samples, missing);
       }
       color = color + one * (0.25F * samples);
     }
   }
   if (background > 0.0F) {
-    float missing = 0.0F;
-    if (job.count > 0 && job.scene.shadows) {
-      float d[4];
-      for (std::uint32_t k = 0; k < 4; ++k) d[k] = element::bits_float(job.shadow[at + k]);
-      missing = element::most(
-          0.25F * (((d[0] + d[1]) + d[2]) + d[3]),
-          element::bits_float(job.blob_shadow[static_cast<std::size_t>(y) * job.width_px + x]));
-    }
     const glm::vec3 ground =
         element::shade_background(job.scene, static_cast<int>(x), static_cast<int>(y));
     color = color + (ground * (1.0F - missing)) * background;

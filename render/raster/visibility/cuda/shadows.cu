@@ -38,7 +38,14 @@ __global__ void prepare_kernel(RasterJob job) {
   }
   job.block_count[i] = (triangles + element::kBlockTriangles - 1) / element::kBlockTriangles;
   if (!job.scene.shadows) return;
-  if ((character.flags & RasterCharacter::kSurrounding) != 0) {
+  const bool is_surrounding = (character.flags & RasterCharacter::kSurrounding) != 0;
+  if (job.figures.first != nullptr && !is_surrounding &&
+      (job.representation == nullptr || job.representation[i] != Representation::kNone)) {
+    const std::uint32_t list = element::figure_list(element::figure_cell(shade.feet_relative.x),
+                                                    element::figure_cell(shade.feet_relative.y));
+    job.figures.next[i] = atomicExch(&job.figures.first[list], i);
+  }
+  if (is_surrounding) {
     job.casters[atomicAdd(&job.counts->casters, 1U)] = i;
   } else if (is_mesh && !shares && triangles > 0 && shade.size_px > element::kCastShadowFromPx) {
     const unsigned long long key =
@@ -140,6 +147,7 @@ __global__ void __launch_bounds__(kThreads) caster_kernel(RasterJob job) {
       triangle.first_corner = 0;
       triangle.character = character;
       element::ShadowPoint corner[3];
+      float z[3];
       for (int k = 0; k < 3 && t < triangles; ++k) {
         const std::uint32_t vertex =
             level == kNoLevel
@@ -148,17 +156,20 @@ __global__ void __launch_bounds__(kThreads) caster_kernel(RasterJob job) {
                       ((job.cast.level_corners[job.cast.level[level].first_triangle + t] >>
                         (10 * k)) &
                        1023U);
+        z[k] = job.vertices[vertex].position_relative.z;
         corner[k] = element::shadow_point(job.scene, shade, job.vertices[vertex].position_relative);
         if (cut) continue;
         triangle.v[k] = element::project(job.grid, corner[k].position_relative);
         triangle.v[k].depth = element::cast_shadow_strength(share, corner[k].height_share);
       }
+      const bool throws = t < triangles && (shade.cast_shadow != kNoBlob ||
+                                            element::throws_shadow(job.scene, z[0], z[1], z[2]));
       if (!cut) {
-        draw_by_warp(job, t < triangles, triangle, target);
+        draw_by_warp(job, throws, triangle, target);
         continue;
       }
       element::SnappedVertex polygon[element::kMaxClippedCorners];
-      const int count = t < triangles ? element::cut_shadow(job.grid, corner, share, polygon) : 0;
+      const int count = throws ? element::cut_shadow(job.grid, corner, share, polygon) : 0;
       for (int n = 2; __ballot_sync(kAllLanes, n < count) != 0; ++n) {
         if (n < count) {
           triangle.v[0] = polygon[0];
