@@ -74,11 +74,24 @@ void fill_mesh(const Surface& surface, const CollapseOrder& order, render::Chara
     data.triangle.push_back({new_index[corner.x], new_index[corner.y], new_index[corner.z]});
     data.triangle_flags.push_back(surface.triangle_flags[t]);
   }
+  for (const SourcePoint& point : surface.points)
+    data.height_m = std::max(data.height_m, point.position.z);
   data.collapse_target = order.target;
   data.triangle_count_at = order.triangle_count_at;
   data.legal_count = order.legal_count;
   data.collapse_error_m = order.error_m;
   data.coarsest_count = order.coarsest_count;
+}
+
+void fill_textures(const Surface& surface, render::CharacterData& data) {
+  data.base_color_width_px = surface.base_color.width_px;
+  data.base_color_height_px = surface.base_color.height_px;
+  data.base_color_levels = surface.base_color.level_count;
+  data.base_color = surface.base_color.texels;
+  data.tint_mask_width_px = surface.tint_mask.width_px;
+  data.tint_mask_height_px = surface.tint_mask.height_px;
+  data.tint_mask_levels = surface.tint_mask.level_count;
+  data.tint_mask = surface.tint_mask.texels;
 }
 
 /// Where the vertices are in the first few poses that a viewer may see: the bind pose is none.
@@ -144,6 +157,15 @@ absl::StatusOr<BakeResult> bake(const SourceCharacter& original, const BakeOptio
   collapse_options.criterion = options.criterion;
   collapse_options.coarsest_count = options.coarsest_count;
   collapse_options.on_progress = options.on_progress;
+  collapse_options.threads = options.threads;
+  collapse_options.prefers_tones = [&](const CollapseOrder& so_far) {
+    render::CharacterData data;
+    fill_mesh(*surface, so_far, data);
+    data.coarsest_count = options.coarsest_count;
+    fill_textures(*surface, data);
+    return prefers_corner_tones(data, posed_vertices(*surface, so_far, poses),
+                                so_far.coarsest_count);
+  };
   auto order = collapse(*surface, poses, collapse_options);
   if (!order.ok()) return order.status();
   result.notes.insert(result.notes.end(), order->notes.begin(), order->notes.end());
@@ -159,22 +181,12 @@ absl::StatusOr<BakeResult> bake(const SourceCharacter& original, const BakeOptio
   data.gait_bounds = bounds_of(*surface, usual_frames(*clips, joints), joints);
   data.clips = std::move(clips->clips);
   data.palette = std::move(clips->palette);
-  for (const SourcePoint& point : surface->points)
-    data.height_m = std::max(data.height_m, point.position.z);
   if (!(data.height_m > 0.0F)) data.height_m = data.bounds.w;
-  data.base_color_width_px = surface->base_color.width_px;
-  data.base_color_height_px = surface->base_color.height_px;
-  data.base_color_levels = surface->base_color.level_count;
-  data.base_color = std::move(surface->base_color.texels);
-  data.tint_mask_width_px = surface->tint_mask.width_px;
-  data.tint_mask_height_px = surface->tint_mask.height_px;
-  data.tint_mask_levels = surface->tint_mask.level_count;
-  data.tint_mask = std::move(surface->tint_mask.texels);
+  fill_textures(*surface, data);
   sample_points(data);
   // the published rule knows textures only
   if (!is_peng) {
-    make_corner_tones(data, posed_vertices(*surface, *order, poses),
-                      toned_count(surface->wedge_count()));
+    make_corner_tones(data, posed_vertices(*surface, *order, poses), order->toned_count);
   }
   result.point_count = surface->point_count();
   result.pose_count = poses.count;

@@ -20,6 +20,7 @@ struct BakeOptions {
   std::uint32_t coarsest_count = 28;       // vertices of the coarsest level
   float height_m = 0.0F;                   // scales the character to this height; 0 keeps its own
   bool bind_pose_only = false;             // as published work before Peng et al. 2011, to compare
+  std::uint32_t threads = 1;               // that one character may keep busy
   std::function<void(float)> on_progress;  // 0 to 1, from the calling thread
 };
 

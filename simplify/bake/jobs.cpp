@@ -135,6 +135,8 @@ class Runner {
     source->name = job.name;
 
     BakeOptions bake_options = options_.bake;
+    bake_options.threads =
+        std::max(1U, options_.jobs / static_cast<unsigned>(std::max<std::size_t>(1, jobs_.size())));
     bake_options.on_progress = [&](float share) {
       const std::lock_guard lock(mutex_);
       progress_[index] = share;

@@ -80,8 +80,14 @@ absl::StatusOr<CollapseOrder> collapse(const Surface& surface, const PoseSet& po
   }
   WedgeMesh mesh(surface);
   std::vector<std::string> notes;
-  if (auto status = decimate(poses, options, mesh, notes); !status.ok()) return status;
+  const auto prefers_tones = [&] {
+    return !options.prefers_tones || options.prefers_tones(order_of(mesh));
+  };
+  std::uint32_t toned_count = 0;
+  if (auto status = decimate(poses, options, prefers_tones, mesh, toned_count, notes); !status.ok())
+    return status;
   CollapseOrder order = order_of(mesh);
+  order.toned_count = toned_count;
   order.notes = std::move(notes);
   return order;
 }

@@ -49,6 +49,11 @@ struct CollapseOptions {
   Criterion criterion = Criterion::kThrong;
   std::uint32_t coarsest_count = 28;       // stop at so many vertices, seam copies counted
   std::function<void(float)> on_progress;  // 0 to 1, from the calling thread
+  /// Asked on the way, with the levels made so far: is the coarsest of them shown better with
+  /// colours of its own (render::CornerTones) than with the texture, or so little worse that
+  /// coarser ones gain by freer choices? None: it is.
+  std::function<bool(const struct CollapseOrder&)> prefers_tones;
+  std::uint32_t threads = 1;
 };
 
 /// A collapse order of a surface's wedges. New indices count in collapse order: 0 is the last left.
@@ -60,6 +65,7 @@ struct CollapseOrder {
   std::vector<std::uint32_t> legal_count;        // [C+1]
   std::vector<float> error_m;                    // [C]
   std::uint32_t coarsest_count = 0;
+  std::uint32_t toned_count = 0;  // levels up to it were chosen as if they had corner tones
   std::vector<std::string> notes;
 };
 
@@ -70,10 +76,6 @@ struct CollapseOrder {
 /// InvalidArgument where the surface isn't the manifold that `rebuild` makes or shapes disagree.
 absl::StatusOr<CollapseOrder> collapse(const Surface& surface, const PoseSet& poses,
                                        const CollapseOptions& options = {});
-
-/// Levels of at most so many of a surface's wedges are chosen as if they had colours of their own
-/// (render::CornerTones): their texture is torn.
-std::uint32_t toned_count(std::uint32_t wedge_count);
 
 /// Checks at every legal vertex count n that each triangle drawn has three distinct corners and
 /// that each vertex below n is one of them. Internal names the vertex or triangle and the count.

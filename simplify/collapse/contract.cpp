@@ -1,9 +1,14 @@
 #include "simplify/collapse/contract.hpp"
 
 #include <algorithm>
+#include <array>
+#include <atomic>
 #include <cmath>
 #include <limits>
+#include <mutex>
 #include <numeric>
+#include <optional>
+#include <thread>
 #include <tuple>
 
 namespace throng::simplify {
@@ -20,9 +25,11 @@ constexpr std::size_t kSmallPiece = 16;
 constexpr int kMostTries = 24;  // pictures looked at for one step
 // Limbs count beyond their pixels where so few vertices are left that they would go.
 constexpr float kThinFrom = 192.0F, kThinTo = 64.0F;
-// Levels of so many vertices, or of a share of all, will have colours of their own, whatever their
-// texture coordinates.
-constexpr std::uint32_t kToned = 256, kTonedShare = 4;
+// Levels of at most so many vertices have colours of their own if they look better with them, and
+// from the second number on in any case; of a small mesh from a quarter of it on. Asked again after
+// each fifth.
+constexpr std::uint32_t kToned = 256, kSurelyToned = 112, kTonedShare = 4;
+constexpr float kAskAgain = 0.8F;
 // Where the colours of a triangle are compared.
 constexpr glm::vec3 kColorPlaces[] = {
     {0.34F, 0.33F, 0.33F}, {0.6F, 0.2F, 0.2F},   {0.2F, 0.6F, 0.2F},  {0.2F, 0.2F, 0.6F},
@@ -32,7 +39,13 @@ constexpr std::uint32_t kTries = 8, kTriesFrom = 112;
 constexpr float kNoise = 1.0F;
 // What a piece counts that vanishes as a whole: pictures are small, and it is missed.
 constexpr float kWhole = 3.0F;
+// Around a point and around its mirror image, within this share of the size, there should be as
+// many vertices. Beyond this share of both, steps are cheaper on this side; not for the last
+// vertices, where what is seen decides alone.
+constexpr float kAround = 0.25F, kEven = 0.6F, kEvenStep = 16.0F;
+constexpr std::uint32_t kEvenFrom = 96;
 constexpr float kUnknown = -1.0e30F;
+constexpr float kTwins = 1.0e20F;  // the cost of two triangles at one place: the last choice
 
 struct Pair {
   std::uint32_t a, b;  // a goes
@@ -66,10 +79,13 @@ float chance(std::uint32_t seed, std::uint32_t a, std::uint32_t b) {
 
 class Contraction {
  public:
-  Contraction(float size_m, PoseCost& poses, const AttributeCost& attributes, Views& views,
+  Contraction(float size_m, const std::function<bool()>& prefers_tones, PoseCost& poses,
+              const AttributeCost& attributes, std::span<const std::uint32_t> mirror, Views& views,
               float& error_m, WedgeMesh& mesh, std::uint32_t seed = 0)
       : size_m_(size_m),
         seed_(seed),
+        is_two_sided_(mesh.surface().is_two_sided()),
+        prefers_tones_(prefers_tones),
         poses_(poses),
         attributes_(attributes),
         views_(views),
@@ -78,16 +94,18 @@ class Contraction {
         around_(mesh.surface().points.size()),
         piece_(mesh.surface().points.size(), kNoIndex),
         patch_(mesh.surface().points.size()),
+        mirror_(mirror),
         is_dirty_(mesh.surface().points.size(), true) {}
 
   /// @param most_error  gives up where `error` is larger
   void run(std::uint32_t coarsest_count, const std::function<void(float)>& on_progress,
-           float most_error = std::numeric_limits<float>::max()) {
+           const std::atomic<float>* most_error = nullptr) {
     look();
     find_patches();
     find_pairs();
     const auto first = static_cast<float>(mesh_.alive_wedges() - coarsest_count);
-    for (int steps = 1; mesh_.alive_wedges() > coarsest_count && error_ < most_error; ++steps) {
+    for (int steps = 1; mesh_.alive_wedges() > coarsest_count; ++steps) {
+      if (most_error != nullptr && error_ > *most_error) break;
       const auto before = static_cast<float>(mesh_.alive_wedges());
       if (!step()) break;
       look();
@@ -100,20 +118,56 @@ class Contraction {
 
   /// Of the pictures, over the levels of `run`.
   float error() const { return error_; }
+  /// 0 where no level was reached that has colours of its own.
+  std::uint32_t toned_count() const { return toned_count_; }
 
  private:
   /// What a pair costs in this variant.
   float key(const Pair& pair) const {
-    if (seed_ == 0) return pair.key();
-    return pair.key() * (1.0F + kNoise * chance(seed_, pair.a, pair.b));
+    float key = pair.key();
+    if (!evenness_.empty()) key *= key > 0.0F ? evenness_[pair.a] : 1.0F / evenness_[pair.a];
+    if (seed_ == 0) return key;
+    return key * (1.0F + kNoise * chance(seed_, pair.a, pair.b));
   }
 
-  bool is_toned() const {
-    return mesh_.alive_wedges() <= toned_count(mesh_.surface().wedge_count());
+  /// Fills `evenness_`: what steps cost for a point, so that no limb goes at the expense of the one
+  /// on the other side.
+  void look_for_balance() {
+    if (mirror_.empty()) return;
+    evenness_.assign(mirror_.size(), 1.0F);
+    if (mesh_.alive_wedges() < kEvenFrom) return;
+    const auto& points = mesh_.surface().points;
+    const float most = kAround * kAround * size_m_ * size_m_;
+    for (const std::uint32_t a : alive_) {
+      const std::uint32_t c = mirror_[a];
+      if (c == kNoIndex || c == a) continue;
+      float here = 0.0F, there = 0.0F;
+      for (const std::uint32_t p : alive_) {
+        if (mirror_[p] == kNoIndex) continue;
+        const auto wedges = static_cast<float>(mesh_.alive_wedges(p));
+        const glm::vec3 to_a = points[p].position - points[a].position;
+        const glm::vec3 to_c = points[p].position - points[c].position;
+        if (glm::dot(to_a, to_a) < most) here += wedges;
+        if (glm::dot(to_c, to_c) < most) there += wedges;
+      }
+      const float share = here / std::max(here + there, 1.0F);
+      if (share > kEven) evenness_[a] = 1.0F / (1.0F + kEvenStep * (share - kEven));
+    }
+  }
+
+  bool is_toned() const { return toned_count_ > 0; }
+
+  void choose_tones() {
+    const std::uint32_t most = mesh_.surface().wedge_count() / kTonedShare;
+    const std::uint32_t alive = mesh_.alive_wedges();
+    if (is_toned() || alive > std::min(ask_at_, most)) return;
+    ask_at_ = static_cast<std::uint32_t>(kAskAgain * static_cast<float>(alive));
+    if (alive <= std::min(kSurelyToned, most) || prefers_tones_()) toned_count_ = alive;
   }
 
   /// Lists what is alive.
   void look() {
+    choose_tones();
     drawn_.clear();
     triangle_.clear();
     for (const std::uint32_t point : alive_) around_[point].clear();
@@ -130,10 +184,12 @@ class Contraction {
       }
     }
     is_removed_.assign(triangle_.size(), false);
+    is_twin_.assign(triangle_.size(), false);
     const auto alive = static_cast<float>(mesh_.alive_wedges());
     views_.set(drawn_, std::clamp((kThinFrom - alive) / (kThinFrom - kThinTo), 0.0F, 1.0F),
                is_toned());
     find_pieces();
+    look_for_balance();
   }
 
   void find_pieces() {
@@ -315,7 +371,44 @@ class Contraction {
       }
     }
     pair.geometry = kGeometry * geometry / (size_m_ * size_m_);
+    // where both sides are drawn one of two is enough; else it must stay, or the surface opens
+    if (!is_two_sided_) {
+      find_twins(pair.a, pair.b);
+      if (!twins_.empty()) pair.geometry = kTwins;
+    }
     pair.won = 1.0F / static_cast<float>(std::max(1U, mesh_.alive_wedges(pair.a)));
+  }
+
+  /// Fills `twins_` with those of a's triangles, as they are drawn, that would lie on another one
+  /// and show the same side, or both: depth can't tell which is seen.
+  void find_twins(std::uint32_t a, std::uint32_t b) {
+    twins_.clear();
+    const auto moved = [&](std::uint32_t index) {
+      glm::uvec3 points = drawn_[index].point;
+      for (int i = 0; i < 3; ++i) points[i] = points[i] == a ? b : points[i];
+      return points;
+    };
+    const auto is_dying = [&](std::uint32_t index) {
+      return mesh_.has(triangle_[index], a) && mesh_.has(triangle_[index], b);
+    };
+    for (const std::uint32_t index : around_[a]) {
+      if (is_dying(index)) continue;
+      const glm::uvec3 own = moved(index);
+      const auto is_twin = [&](std::uint32_t other) {
+        if (other == index || is_dying(other) || is_twin_[other]) return false;
+        const glm::uvec3 p = moved(other);
+        const int first = p.x == own.x ? 0 : p.y == own.x ? 1 : 2;
+        const std::uint32_t second = p[(first + 1) % 3], third = p[(first + 2) % 3];
+        return p[first] == own.x && ((second == own.y && third == own.z) ||
+                                     (is_two_sided_ && second == own.z && third == own.y));
+      };
+      if (!std::any_of(around_[b].begin(), around_[b].end(), is_twin) &&
+          !std::any_of(around_[a].begin(), around_[a].end(), is_twin))
+        continue;
+      twins_.push_back(index);
+      is_twin_[index] = true;
+    }
+    for (const std::uint32_t index : twins_) is_twin_[index] = false;
   }
 
   /// Change of the pictures by a contraction, in the charts or by colour, whichever is less.
@@ -333,10 +426,13 @@ class Contraction {
   float try_moves(const Pair& pair, float limit) {
     const std::vector<std::uint32_t>& changed = around_[pair.a];
     saved_.clear();
+    twins_.clear();
+    if (is_two_sided_) find_twins(pair.a, pair.b);
     for (const std::uint32_t index : changed) {
       Views::Drawn& drawn = drawn_[index];
       saved_.push_back(drawn);
-      if (mesh_.has(triangle_[index], pair.b)) {
+      if (mesh_.has(triangle_[index], pair.b) ||
+          std::find(twins_.begin(), twins_.end(), index) != twins_.end()) {
         is_removed_[index] = true;
         continue;
       }
@@ -432,7 +528,10 @@ class Contraction {
         for (int i = 0; i < 3; ++i) is_dirty_[drawn_[index].point[i]] = true;
       }
     }
-    mesh_.collapse(a, b, around, moves_, error_m_);
+    twins_.clear();
+    if (is_two_sided_) find_twins(a, b);
+    for (std::uint32_t& index : twins_) index = triangle_[index];
+    mesh_.collapse(a, b, around, moves_, error_m_, twins_);
     poses_.merge(a, b);
     patch_[b] = patch_[a] + patch_[b];
     for (Pair& pair : pairs_) {
@@ -465,6 +564,10 @@ class Contraction {
 
   float size_m_;
   std::uint32_t seed_;  // 0: the cheapest is always chosen
+  bool is_two_sided_;
+  const std::function<bool()>& prefers_tones_;
+  std::uint32_t ask_at_ = kToned;
+  std::uint32_t toned_count_ = 0;
   float error_ = 0.0F;
   PoseCost& poses_;
   const AttributeCost& attributes_;
@@ -479,42 +582,70 @@ class Contraction {
   std::vector<std::uint32_t> piece_;                // [P]
   std::vector<std::vector<std::uint32_t>> pieces_;  // points
   std::vector<Patch> patch_;                        // [P]
+  std::span<const std::uint32_t> mirror_;           // [P] or empty
+  std::vector<float> evenness_;                     // [P] or empty
   std::vector<Pair> pairs_;
   std::vector<bool> is_dirty_;  // [P]
   bool was_toned_ = false;
   std::vector<std::pair<float, std::size_t>> order_;
   std::vector<WedgeMove> moves_;
+  std::vector<std::uint32_t> twins_;
+  std::vector<bool> is_twin_;
   std::vector<Views::Drawn> saved_;
 };
 
 }  // namespace
 
-std::uint32_t toned_count(std::uint32_t wedge_count) {
-  return std::min(kToned, wedge_count / kTonedShare);
-}
+std::uint32_t contract(std::uint32_t coarsest_count, float size_m, std::uint32_t threads,
+                       const std::function<bool()>& prefers_tones, PoseCost& poses,
+                       const AttributeCost& attributes, std::span<const std::uint32_t> mirror,
+                       Views& views, float& error_m, WedgeMesh& mesh,
+                       const std::function<void(float)>& on_progress) {
+  Contraction fine(size_m, prefers_tones, poses, attributes, mirror, views, error_m, mesh);
+  fine.run(std::max(coarsest_count, std::min(kTriesFrom, mesh.alive_wedges())), on_progress);
+  if (mesh.alive_wedges() <= coarsest_count) return fine.toned_count();
 
-void contract(std::uint32_t coarsest_count, float size_m, PoseCost& poses,
-              const AttributeCost& attributes, Views& views, float& error_m, WedgeMesh& mesh,
-              const std::function<void(float)>& on_progress) {
-  Contraction(size_m, poses, attributes, views, error_m, mesh)
-      .run(std::max(coarsest_count, std::min(kTriesFrom, mesh.alive_wedges())), on_progress);
-  const WedgeMesh first_mesh = mesh;
-  const PoseCost first_poses = poses;
-  const float first_error_m = error_m;
-  std::pair least{first_mesh.alive_wedges(), std::numeric_limits<float>::max()};
-  for (std::uint32_t i = 0; i < kTries && first_mesh.alive_wedges() > coarsest_count; ++i) {
-    // greedy choices lead into dead ends; others that are nearly as good lead elsewhere
-    WedgeMesh own_mesh = first_mesh;
-    PoseCost own_poses = first_poses;
-    float own_error_m = first_error_m;
-    Contraction own(size_m, own_poses, attributes, views, own_error_m, own_mesh, i);
-    own.run(coarsest_count, nullptr, least.second);
-    const std::pair result{std::max(coarsest_count, own_mesh.alive_wedges()), own.error()};
-    if (result >= least) continue;
-    least = result;
-    mesh = std::move(own_mesh);
-    error_m = own_error_m;
+  // greedy choices lead into dead ends; others that are nearly as good lead elsewhere
+  struct Way {
+    WedgeMesh mesh;
+    float error_m;
+    std::tuple<std::uint32_t, float, std::uint32_t> result;  // vertices left, error, number
+    std::uint32_t toned_count;
+  };
+  std::optional<Way> best;
+  std::atomic<float> most_error = std::numeric_limits<float>::max();
+  std::atomic<std::uint32_t> next = 0;
+  std::mutex mutex;
+  const std::function<bool()> always = [] { return true; };
+  const auto try_ways = [&](Views& own_views) {
+    for (std::uint32_t i; (i = next.fetch_add(1)) < kTries;) {
+      Way way{mesh, error_m, {}, 0};
+      PoseCost own_poses = poses;
+      Contraction own(size_m, always, own_poses, attributes, mirror, own_views, way.error_m,
+                      way.mesh, i);
+      own.run(coarsest_count, nullptr, &most_error);
+      way.result = {std::max(coarsest_count, way.mesh.alive_wedges()), own.error(), i};
+      way.toned_count = own.toned_count();
+      const std::lock_guard lock(mutex);
+      if (best.has_value() && way.result >= best->result) continue;
+      // one that is stuck must not stop others, which may come farther
+      if (way.mesh.alive_wedges() <= coarsest_count) most_error = own.error();
+      best = std::move(way);
+    }
+  };
+  {
+    std::vector<std::jthread> others;
+    for (std::uint32_t i = 1; i < std::min(threads, kTries); ++i)
+      others.emplace_back([&] {
+        Views own_views = views;
+        try_ways(own_views);
+      });
+    Views own_views = views;
+    try_ways(own_views);
   }
+  mesh = std::move(best->mesh);
+  error_m = best->error_m;
+  return fine.toned_count() > 0 ? fine.toned_count() : best->toned_count;
 }
 
 }  // namespace throng::simplify

@@ -425,8 +425,9 @@ absl::Status build(const WedgeMesh& mesh, HalfEdgeMesh& half_edges) {
 
 }  // namespace
 
-absl::Status decimate(const PoseSet& poses, const CollapseOptions& options, WedgeMesh& mesh,
-                      std::vector<std::string>& notes) {
+absl::Status decimate(const PoseSet& poses, const CollapseOptions& options,
+                      const std::function<bool()>& prefers_tones, WedgeMesh& mesh,
+                      std::uint32_t& toned_count, std::vector<std::string>& notes) {
   HalfEdgeMesh half_edges;
   if (auto status = build(mesh, half_edges); !status.ok()) return status;
 
@@ -483,11 +484,12 @@ absl::Status decimate(const PoseSet& poses, const CollapseOptions& options, Wedg
     if (++state.phase == kPhaseCount) break;
   }
   if (!is_peng && mesh.alive_wedges() > options.coarsest_count) {
-    contract(options.coarsest_count, size_m, state.poses, state.attributes, *views, state.error_m,
-             mesh, [&](float share) {
-               if (options.on_progress)
-                 options.on_progress(kFineShare + (1.0F - kFineShare) * share);
-             });
+    toned_count =
+        contract(options.coarsest_count, size_m, options.threads, prefers_tones, state.poses,
+                 state.attributes, state.mirror, *views, state.error_m, mesh, [&](float share) {
+                   if (options.on_progress)
+                     options.on_progress(kFineShare + (1.0F - kFineShare) * share);
+                 });
   }
   if (!is_peng && mesh.alive_wedges() > options.coarsest_count) {
     notes.push_back(absl::StrCat("coarsest level has ", mesh.alive_wedges(), " vertices, wanted ",

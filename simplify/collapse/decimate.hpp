@@ -2,6 +2,7 @@
 
 #include <absl/status/status.h>
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -11,7 +12,9 @@
 namespace throng::simplify {
 
 /// Runs OpenMesh's decimater over `mesh` with the chosen criterion; the record is in `mesh`.
-absl::Status decimate(const PoseSet& poses, const CollapseOptions& options, WedgeMesh& mesh,
-                      std::vector<std::string>& notes);
+/// @param prefers_tones, toned_count  as of `contract`
+absl::Status decimate(const PoseSet& poses, const CollapseOptions& options,
+                      const std::function<bool()>& prefers_tones, WedgeMesh& mesh,
+                      std::uint32_t& toned_count, std::vector<std::string>& notes);
 
 }  // namespace throng::simplify

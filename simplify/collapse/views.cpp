@@ -72,6 +72,7 @@ std::vector<float> thinness(const std::vector<std::uint32_t>& image) {
 
 Views::Views(const PoseSet& poses, const WedgeMesh& mesh, float size_m)
     : surface_(mesh.surface()),
+      is_two_sided_(surface_.is_two_sided()),
       pixel_m_(size_m / kFigure_px),
       levels_(small_levels(mesh.surface())),
       near_(kSize_px * kSize_px) {
@@ -160,7 +161,7 @@ void Views::fill_each(const Picture& picture, std::span<const Drawn> triangles,
                     &c = picture.place[drawn.point.z];
     const float area = doubled_area(a, b, c);
     if (area == 0.0F) continue;
-    if (area > 0.0F && (drawn.flags & render::kTriangleDoubleSided) == 0) continue;
+    if (area > 0.0F && !is_two_sided_) continue;
     const auto color_at = fill(t, area);
     for_pixels(a, b, c, rect.x0, rect.y0, rect.x1, rect.y1, [&](int x, int y, float w0, float w1) {
       const float w2 = 1.0F - w0 - w1;
@@ -264,8 +265,7 @@ std::vector<float> Views::visibility(const WedgeMesh& mesh) const {
       for (int i = 0; i < 3; ++i)
         p[i] = picture.place[mesh.points(t)[i]] * static_cast<float>(kVisibilityScale);
       const float area = doubled_area(p[0], p[1], p[2]);
-      const bool is_back = area > 0.0F;
-      if (area == 0.0F || (is_back && (surface_.triangle_flags[t] & 1U) == 0)) continue;
+      if (area == 0.0F || (area > 0.0F && !is_two_sided_)) continue;
       turned[t] += 0.5F * std::fabs(area);
       for_pixels(p[0], p[1], p[2], 0, 0, kWide_px, kWide_px, [&](int x, int y, float w0, float w1) {
         const float nearness = w0 * p[0].z + w1 * p[1].z + (1.0F - w0 - w1) * p[2].z;

@@ -85,6 +85,7 @@ class Views {
                  std::span<const glm::vec4> tones, Visit visit) const;
 
   const Surface& surface_;
+  bool is_two_sided_;
   float pixel_m_ = 1.0F;
   bool toned_ = false;
   std::vector<TextureLevel> levels_;

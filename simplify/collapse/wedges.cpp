@@ -82,14 +82,15 @@ void WedgeMesh::kill(std::uint32_t triangle) {
 }
 
 void WedgeMesh::collapse(std::uint32_t a, std::uint32_t b, std::span<const std::uint32_t> around,
-                         std::span<const WedgeMove> moves, float error_m) {
+                         std::span<const WedgeMove> moves, float error_m,
+                         std::span<const std::uint32_t> twins) {
   Step step;
   step.first_removal = static_cast<std::uint32_t>(removals_.size());
   step.error_m = error_m;
 
   std::vector<std::uint32_t> touched{b};  // points that may lose wedges besides a
   for (const std::uint32_t triangle : around) {
-    if (has(triangle, b)) {
+    if (has(triangle, b) || std::find(twins.begin(), twins.end(), triangle) != twins.end()) {
       for (int i = 0; i < 3; ++i) {
         const std::uint32_t point = points_[triangle][i];
         if (point != a && std::find(touched.begin(), touched.end(), point) == touched.end())
@@ -129,7 +130,7 @@ void WedgeMesh::collapse(std::uint32_t a, std::uint32_t b, std::span<const std::
     for (const WedgeMove& move : moves) {
       if (move.from == wedge) target = move.to;
     }
-    if (target == kNoIndex) target = nearest_alive_wedge(b, wedge);
+    if (target == kNoIndex || users_[target] == 0) target = nearest_alive_wedge(b, wedge);
     removals_.push_back({wedge, target});
   }
   for (const std::uint32_t wedge : orphans) {

@@ -72,8 +72,10 @@ class WedgeMesh {
                   std::vector<WedgeMove>& moves) const;
 
   /// Does the collapse and records it as one step.
+  /// @param twins  of `around`: those that would lie on another triangle, and go too
   void collapse(std::uint32_t a, std::uint32_t b, std::span<const std::uint32_t> around,
-                std::span<const WedgeMove> moves, float error_m);
+                std::span<const WedgeMove> moves, float error_m,
+                std::span<const std::uint32_t> twins = {});
 
   /// Removes whole triangles, whose points keep no other, as one step. Their wedges go to `target`,
   /// which stays.

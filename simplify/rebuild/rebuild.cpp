@@ -4,7 +4,9 @@
 #include <cmath>
 #include <cstring>
 #include <map>
+#include <numeric>
 #include <set>
+#include <span>
 #include <unordered_map>
 
 #include "simplify/rebuild/atlas.hpp"
@@ -153,6 +155,43 @@ struct SideKeyHash {
   }
 };
 
+/// Takes the flag from what is closed and turned outwards.
+void drop_hidden_backs(std::span<const glm::uvec3> triangles, Surface& surface) {
+  if (!surface.is_two_sided()) return;
+  const auto& points = surface.points;
+  std::vector<std::uint32_t> piece(points.size());
+  std::iota(piece.begin(), piece.end(), 0U);
+  const auto find = [&](std::uint32_t i) {
+    while (piece[i] != i) i = piece[i] = piece[piece[i]];
+    return i;
+  };
+  std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> edges;  // with one triangle
+  for (const glm::uvec3& t : triangles) {
+    for (int i = 0; i < 3; ++i) {
+      const std::uint32_t a = t[i], b = t[(i + 1) % 3];
+      piece[find(a)] = find(b);
+      if (edges.erase({b, a}) == 0) edges[{a, b}] = a;
+    }
+  }
+  std::vector<bool> is_open(points.size(), false);
+  for (const auto& [edge, point] : edges) is_open[find(point)] = true;
+  std::vector<double> volume_m3(points.size(), 0.0), area_m2(points.size(), 0.0);
+  for (std::size_t t = 0; t < triangles.size(); ++t) {
+    const std::uint32_t own = find(triangles[t].x);
+    const glm::dvec3 origin(points[own].position);
+    const auto at = [&](int i) { return glm::dvec3(points[triangles[t][i]].position) - origin; };
+    volume_m3[own] += glm::dot(at(0), glm::cross(at(1), at(2))) / 6.0;
+    area_m2[own] += 0.5 * glm::length(glm::cross(at(1) - at(0), at(2) - at(0)));
+    if ((surface.triangle_flags[t] & render::kTriangleAlphaCutout) != 0) is_open[own] = true;
+  }
+  for (std::size_t t = 0; t < triangles.size(); ++t) {
+    const std::uint32_t own = find(triangles[t].x);
+    // two sheets back to back hold nothing, give or take rounding
+    if (is_open[own] || volume_m3[own] < -1.0e-6 * std::pow(area_m2[own], 1.5)) continue;
+    surface.triangle_flags[t] &= static_cast<std::uint8_t>(~render::kTriangleDoubleSided);
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<Surface> rebuild(const SourceCharacter& source, const RebuildOptions& options) {
@@ -277,6 +316,8 @@ absl::StatusOr<Surface> rebuild(const SourceCharacter& source, const RebuildOpti
         static_cast<std::uint8_t>((material.double_sided ? render::kTriangleDoubleSided : 0) |
                                   (material.alpha_cutout ? render::kTriangleAlphaCutout : 0)));
   }
+
+  drop_hidden_backs(points, surface);
 
   // one texture
   Atlas atlas = make_atlas(source.materials, source_uv, wedge_material, surface.triangles, options,

@@ -2,6 +2,7 @@
 
 #include <absl/status/statusor.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <string>
@@ -39,6 +40,12 @@ struct Surface {
 
   std::uint32_t point_count() const { return static_cast<std::uint32_t>(points.size()); }
   std::uint32_t wedge_count() const { return static_cast<std::uint32_t>(wedge_point.size()); }
+  /// Renderers show both sides of all triangles of a character where one of them wants it.
+  bool is_two_sided() const {
+    return std::any_of(triangle_flags.begin(), triangle_flags.end(), [](std::uint8_t flags) {
+      return (flags & render::kTriangleDoubleSided) != 0;
+    });
+  }
 };
 
 struct RebuildOptions {
@@ -56,6 +63,9 @@ struct RebuildOptions {
 /// Points at one position are welded only if they move together. Where more than two triangles meet
 /// at an edge, or several fans at a point, the surface is opened there. Triangles that have lost a
 /// corner and exact copies are left out with a note.
+///
+/// A closed piece without holes in its texture shows its back to nobody, so it is not double-sided
+/// whatever its material says: exporters tend to say so of everything.
 ///
 /// Several materials, colour factors and wrapped uvs are baked into one atlas with gutters.
 ///

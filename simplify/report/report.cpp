@@ -149,7 +149,8 @@ class Writer {
     const std::lock_guard lock(mutex_);
     say(absl::StrCat(file.name, ": ", static_cast<int>(report.report_s * 10.0) / 10.0, " s"));
     result_.characters.push_back(std::move(report));
-    return absl::OkStatus();
+    // what is measured so far can be read, whatever becomes of the rest
+    return write_text(folder / "levels.csv", levels_csv(result_.characters));
   }
 
   void say(const std::string& line) const {

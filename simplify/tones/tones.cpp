@@ -25,6 +25,9 @@ constexpr double kPull = 0.06, kPullPx = 6.0;
 constexpr float kSamePlacePx = 8.0F;
 // Errors that no eye tells apart: a code of 255. Tones cost less than texels.
 constexpr double kSameError = 1.5e-5;
+// Torn texture costs nothing where levels have tones, so those below are shaped better: worth up to
+// so many times the error of colours where the choice is made.
+constexpr double kNoLoss = 2.0;
 
 /// What textures say of a place: linear colour, then the tint mask.
 using Value = std::array<float, 7>;
@@ -132,6 +135,9 @@ struct Items {
 template <typename Keep>
 void draw(const CharacterData& data, const Mesh& mesh, const Picture& picture, const Keep& keep,
           Items& items) {
+  const bool is_two_sided =
+      std::any_of(data.triangle_flags.begin(), data.triangle_flags.end(),
+                  [](std::uint8_t flags) { return (flags & render::kTriangleDoubleSided) != 0; });
   constexpr std::size_t kPixels = std::size_t{kSizePx} * kSizePx;
   items.near.assign(kPixels, Picture::kNothing);
   items.who.assign(kPixels, Items::kNobody);
@@ -142,7 +148,7 @@ void draw(const CharacterData& data, const Mesh& mesh, const Picture& picture, c
                     &c = picture.place[corner.z];
     const float area = doubled_area(a, b, c);
     if (area == 0.0F) continue;
-    if (area > 0.0F && (data.triangle_flags[t] & render::kTriangleDoubleSided) == 0) continue;
+    if (area > 0.0F && !is_two_sided) continue;
     for_pixels(a, b, c, 0, 0, kSizePx, kSizePx, [&](int x, int y, float w0, float w1) {
       const float nearness = w0 * a.z + w1 * b.z + (1.0F - w0 - w1) * c.z;
       const std::size_t pixel = static_cast<std::size_t>(y) * kSizePx + static_cast<std::size_t>(x);
@@ -172,6 +178,8 @@ class Toner {
   }
 
   void run(std::uint32_t least_count);
+  /// @param most  times the texture's error
+  bool prefers_tones(std::uint32_t count, double most) const;
 
  private:
   void add_pictures(const std::vector<glm::vec3>& pose, float number);
@@ -434,12 +442,7 @@ std::uint32_t Toner::choose_count(std::uint32_t least_count) const {
   std::uint32_t best = data_.legal_count[std::min(least_count, all)];
   for (const std::uint32_t n : counts) {
     if (n <= best) continue;
-    const Mesh mesh = mesh_at(data_, n);
-    // by pictures that were not fitted to: a fit is better in its own
-    const std::span<const Picture> all(pictures_), half = all.first((all.size() + 1) / 2);
-    const std::array<double, 2> error =
-        errors(mesh, fit({&mesh, 1}, half), all.subspan(all.size() / 2));
-    if (error[0] > error[1] + kSameError) break;
+    if (!prefers_tones(n, 1.0)) break;
     best = n;
   }
   return best;
@@ -466,7 +469,22 @@ void Toner::run(std::uint32_t least_count) {
   }
 }
 
+bool Toner::prefers_tones(std::uint32_t count, double most) const {
+  const Mesh mesh = mesh_at(data_, count);
+  // by pictures that were not fitted to: a fit is better in its own
+  const std::span<const Picture> all(pictures_), half = all.first((all.size() + 1) / 2);
+  const std::array<double, 2> error =
+      errors(mesh, fit({&mesh, 1}, half), all.subspan(all.size() / 2));
+  return error[0] <= most * error[1] + kSameError;
+}
+
 }  // namespace
+
+bool prefers_corner_tones(CharacterData& data, const std::vector<std::vector<glm::vec3>>& poses,
+                          std::uint32_t count) {
+  if (poses.empty() || data.position.empty()) return false;
+  return Toner(data, poses).prefers_tones(count, kNoLoss);
+}
 
 void make_corner_tones(CharacterData& data, const std::vector<std::vector<glm::vec3>>& poses,
                        std::uint32_t least_count) {

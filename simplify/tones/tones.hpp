@@ -26,4 +26,11 @@ void make_corner_tones(render::CharacterData& data,
                        const std::vector<std::vector<glm::vec3>>& poses,
                        std::uint32_t least_count = 0);
 
+/// Whether corner tones are the better choice for a mesh that is still to be made coarser than
+/// `count` vertices: judged as make_corner_tones does, but they may differ from the full mesh by
+/// twice the texture's error.
+/// @param data  its coarsest_count is where the least height is meant
+bool prefers_corner_tones(render::CharacterData& data,
+                          const std::vector<std::vector<glm::vec3>>& poses, std::uint32_t count);
+
 }  // namespace throng::simplify

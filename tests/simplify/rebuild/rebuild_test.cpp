@@ -177,6 +177,28 @@ TEST(RebuildTest, FlagsFollowTheMaterial) {
             render::kTriangleDoubleSided | render::kTriangleAlphaCutout);
 }
 
+TEST(RebuildTest, OnlyWhatIsClosedAndWithoutHolesHidesItsBack) {
+  const auto flags_of = [](SourceCharacter source, bool alpha_cutout) {
+    source.materials[0].double_sided = true;
+    source.materials[0].alpha_cutout = alpha_cutout;
+    const auto surface = rebuild(source);
+    EXPECT_TRUE(surface.ok());
+    return std::set<int>(surface->triangle_flags.begin(), surface->triangle_flags.end());
+  };
+  using Flags = std::set<int>;
+  constexpr int kBoth = render::kTriangleDoubleSided | render::kTriangleAlphaCutout;
+  EXPECT_EQ(flags_of(test::make_cube(), false), Flags{0});
+  EXPECT_EQ(flags_of(test::make_cube(), true), Flags{kBoth});
+  EXPECT_EQ(flags_of(test::make_cut_sheet(), false), Flags{render::kTriangleDoubleSided});
+  SourceCharacter open = test::make_cube();
+  open.triangles.pop_back();
+  EXPECT_EQ(flags_of(open, false), Flags{render::kTriangleDoubleSided});
+  SourceCharacter turned = test::make_cube();
+  for (SourceTriangle& triangle : turned.triangles)
+    std::swap(triangle.corner[1], triangle.corner[2]);
+  EXPECT_EQ(flags_of(turned, false), Flags{render::kTriangleDoubleSided});
+}
+
 struct Fault {
   const char* name;
   void (*inject)(SourceCharacter&);

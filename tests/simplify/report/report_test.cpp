@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <set>
 #include <sstream>
 
 #include "support/run_program.hpp"
@@ -90,6 +91,24 @@ TEST_F(ReportTest, ReportsACastWithPicturesAndTables) {
         << name;
     EXPECT_THAT(html, HasSubstr(name));
   }
+}
+
+TEST_F(ReportTest, TableHasTheRowsOfEachCharacterThatIsDone) {
+  write_tiny("one");
+  write_tiny("two");
+  ReportOptions options;
+  options.inputs = {path("one.throng"), path("two.throng")};
+  options.folder = path("out");
+  options.measure.views = options.measure.poses = 1;
+  std::vector<std::set<std::string>> seen;
+  options.on_progress = [&](float) {
+    seen.emplace_back();
+    for (const auto& line : parse_csv(read(path("out/levels.csv")))) seen.back().insert(line[0]);
+  };
+  ASSERT_TRUE(write_report(options).ok());
+  ASSERT_EQ(seen.size(), 2U);
+  EXPECT_EQ(seen[0], (std::set<std::string>{"character", "one"}));
+  EXPECT_EQ(seen[1], (std::set<std::string>{"character", "one", "two"}));
 }
 
 TEST_F(ReportTest, JsonSummaryGoesToStandardOutput) {

@@ -57,6 +57,7 @@ TEST(CornerTonesTest, ShowWhatIsSeenWhereCoordinatesAreTorn) {
   for (std::uint32_t i = 0; i < data.position.size(); ++i) {
     data.uv[i] = {i < data.coarsest_count ? 0 : 40000, 30000};
   }
+  EXPECT_TRUE(prefers_corner_tones(data, {data.position}, data.coarsest_count));
   make_corner_tones(data, {data.position});
   ASSERT_EQ(data.tone_band.size(), 1U);
   float red = 0.0F;
