@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 
 #include "render/compute/cpu/kernels.hpp"
 #include "render/compute/element/octahedral.hpp"
@@ -11,8 +12,8 @@
 namespace throng::render {
 namespace {
 
-constexpr std::uint32_t kPoints = 384;
-constexpr int kRows = 32;  // of the picture that slabs are averaged from
+constexpr std::uint32_t kPoints = 1024;
+constexpr int kRows = 64;  // of the picture that slabs are averaged from
 constexpr int kMostColumns = 128;
 
 struct PosedPoint {
@@ -105,25 +106,39 @@ struct Sums {
   }
 };
 
-/// Of a row, left and right of the feet.
-std::array<Sums, 2> sums_of(const std::vector<PosedPoint>& points, const Cells& cells,
-                            const View& view, int row) {
-  std::array<Sums, 2> both;
-  for (int column = 0; column < cells.columns; ++column) {
-    const std::int32_t i = cells.point[static_cast<std::size_t>(row * cells.columns + column)];
-    if (i < 0) continue;
-    const PosedPoint& point = points[static_cast<std::size_t>(i)];
-    const float x = cells.x_low + (static_cast<float>(column) + 0.5F) * cells.side;
-    Sums& sums = both[x < 0.0F ? 0 : 1];
-    sums.count += 1.0F;
-    sums.x += x;
-    sums.squares += x * x;
-    const float n[3] = {glm::dot(point.normal, view.right), glm::dot(point.normal, view.ahead),
-                        point.normal.z};
-    for (int k = 0; k < 3; ++k) sums.facing[2 * k + (n[k] < 0.0F ? 1 : 0)] += n[k] * n[k];
-    for (int t = 0; t < 5; ++t) sums.tone[t] += point.tone[t];
+/// Of rows [begin, end), in groups of equal area from the left to the right.
+void sums_of(const std::vector<PosedPoint>& points, const Cells& cells, const View& view, int begin,
+             int end, std::span<Sums> groups) {
+  std::array<int, kMostColumns> filled{};
+  int all = 0;
+  for (int row = begin; row < end; ++row) {
+    for (int column = 0; column < cells.columns; ++column) {
+      if (cells.point[static_cast<std::size_t>(row * cells.columns + column)] < 0) continue;
+      ++filled[static_cast<std::size_t>(column)];
+      ++all;
+    }
   }
-  return both;
+  int before = 0;
+  for (int column = 0; column < cells.columns; ++column) {
+    const int here = filled[static_cast<std::size_t>(column)];
+    if (here == 0) continue;
+    const auto middle = static_cast<std::size_t>(2 * before + here);
+    Sums& sums = groups[middle * groups.size() / static_cast<std::size_t>(2 * all)];
+    before += here;
+    const float x = cells.x_low + (static_cast<float>(column) + 0.5F) * cells.side;
+    for (int row = begin; row < end; ++row) {
+      const std::int32_t i = cells.point[static_cast<std::size_t>(row * cells.columns + column)];
+      if (i < 0) continue;
+      const PosedPoint& point = points[static_cast<std::size_t>(i)];
+      sums.count += 1.0F;
+      sums.x += x;
+      sums.squares += x * x;
+      const float n[3] = {glm::dot(point.normal, view.right), glm::dot(point.normal, view.ahead),
+                          point.normal.z};
+      for (int k = 0; k < 3; ++k) sums.facing[2 * k + (n[k] < 0.0F ? 1 : 0)] += n[k] * n[k];
+      for (int t = 0; t < 5; ++t) sums.tone[t] += point.tone[t];
+    }
+  }
 }
 
 std::uint8_t byte_of(float share) {
@@ -249,27 +264,37 @@ std::shared_ptr<const SpeckTable> make_speck_table(const std::shared_ptr<const C
       SpeckImage& place = table->image[image];
       place = {1e9F, -1e9F, cells->y_low / height_m,
                (cells->y_low + cells->side * kRows) / height_m};
-      std::array<std::array<Sums, 2>, kRows> sums;
-      for (int row = 0; row < kRows; ++row) {
-        sums[static_cast<std::size_t>(row)] = sums_of(points, *cells, view, row);
-      }
-      for (std::uint32_t level = 0; level < SpeckTable::kLevels; ++level) {
+      // the finest level's, then of each coarser one what four or two of them add up to
+      std::array<Sums, SpeckTable::kMostSlabs> sums{};
+      for (std::uint32_t level = SpeckTable::kLevels; level-- > 0;) {
+        const std::uint32_t shift = SpeckTable::column_shift(level);
         const int rows = kRows >> level;
-        const int columns = static_cast<int>(SpeckTable::columns(level));
-        for (int k = 0; k < columns << level; ++k, ++slab) {
-          Sums sum;
-          const int begin = k / columns * rows, end = begin + rows;
-          for (int row = begin; row < end; ++row) {
-            const std::array<Sums, 2>& both = sums[static_cast<std::size_t>(row)];
-            if (columns == 1 || k % 2 == 0) sum.add(both[0]);
-            if (columns == 1 || k % 2 == 1) sum.add(both[1]);
+        if (level + 1 == SpeckTable::kLevels) {
+          for (int row = 0; row < 1 << level; ++row) {
+            sums_of(points, *cells, view, row * rows, (row + 1) * rows,
+                    std::span(sums).subspan(static_cast<std::size_t>(row) << shift, 1U << shift));
           }
-          *slab = average(sum, *cells, view, height_m, begin, end);
-          if (slab->fill == 0) continue;
-          place.x_low =
-              std::min(place.x_low, static_cast<float>(slab->low) / SpeckSlab::kPerHeight);
+        } else {
+          const std::uint32_t finer = SpeckTable::column_shift(level + 1);
+          for (std::uint32_t k = 0; k < 1U << (level + shift); ++k) {
+            Sums sum;
+            const std::uint32_t row = k >> shift, column = k & ((1U << shift) - 1U);
+            for (std::uint32_t r = 2 * row; r < 2 * row + 2; ++r) {
+              for (std::uint32_t c = 0; c < 1U << (finer - shift); ++c) {
+                sum.add(sums[(r << finer) + (column << (finer - shift)) + c]);
+              }
+            }
+            sums[k] = sum;
+          }
+        }
+        for (std::uint32_t k = 0; k < 1U << (level + shift); ++k) {
+          const int begin = static_cast<int>(k >> shift) * rows;
+          SpeckSlab& made = slab[SpeckTable::first_slab(level) + k];
+          made = average(sums[k], *cells, view, height_m, begin, begin + rows);
+          if (made.fill == 0) continue;
+          place.x_low = std::min(place.x_low, static_cast<float>(made.low) / SpeckSlab::kPerHeight);
           place.x_high =
-              std::max(place.x_high, static_cast<float>(slab->high) / SpeckSlab::kPerHeight);
+              std::max(place.x_high, static_cast<float>(made.high) / SpeckSlab::kPerHeight);
         }
       }
       if (place.x_low > place.x_high) place.x_low = place.x_high = 0.0F;

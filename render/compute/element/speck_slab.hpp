@@ -25,17 +25,24 @@ struct SpeckImage {
 };
 
 /// Level l of a picture has 2^l rows of slabs, from the lowest up, behind those of the levels
-/// before; a row has one slab, or from level 3 on two, of what is left and right of the feet.
+/// before; a row has one slab, or from level 3 on two and from level 4 on four of about equal area,
+/// from the left to the right.
 struct SpeckLevels {
-  static constexpr std::uint32_t kLevels = 5;
-  static constexpr std::uint32_t columns(std::uint32_t level) { return level < 3 ? 1U : 2U; }
+  static constexpr std::uint32_t kLevels = 6;
+  /// A row has 2^shift slabs.
+  static constexpr std::uint32_t column_shift(std::uint32_t level) {
+    return level < 3 ? 0U : (level < 4 ? 1U : 2U);
+  }
+  static constexpr std::uint32_t slabs(std::uint32_t level) {
+    return 1U << (level + column_shift(level));
+  }
   static constexpr std::uint32_t first_slab(std::uint32_t level) {
     std::uint32_t first = 0;
-    for (std::uint32_t l = 0; l < level; ++l) first += columns(l) << l;
+    for (std::uint32_t l = 0; l < level; ++l) first += slabs(l);
     return first;
   }
-  static constexpr std::uint32_t kSlabs = 1 + 2 + 4 + 16 + 32;
-  static constexpr std::uint32_t kMostSlabs = 32;  // of a level
+  static constexpr std::uint32_t kSlabs = 1 + 2 + 4 + 16 + 64 + 128;
+  static constexpr std::uint32_t kMostSlabs = 128;  // of a level
 };
 static_assert(SpeckLevels::first_slab(SpeckLevels::kLevels) == SpeckLevels::kSlabs);
 

@@ -98,7 +98,7 @@ TEST(SpecksTest, SlabsAddUpToTheFigure) {
     double areas[SpeckTable::kLevels] = {};
     const SpeckSlab* slab = table.slab.data() + i * SpeckTable::kSlabs;
     for (std::uint32_t level = 0; level < SpeckTable::kLevels; ++level) {
-      const std::uint32_t slabs = SpeckTable::columns(level) << level;
+      const std::uint32_t slabs = SpeckTable::slabs(level);
       for (std::uint32_t k = 0; k < slabs; ++k, ++slab) {
         areas[level] += (slab->high - slab->low) / SpeckSlab::kPerHeight * slab->fill / 255.0 *
                         (table.image[i].y_high - table.image[i].y_low) / (1 << level);

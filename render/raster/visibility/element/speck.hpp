@@ -39,7 +39,7 @@ inline constexpr float kSpeckLeastThrough = 0.02F;
 /// the pixels blurs little.
 THRONG_HOST_DEVICE inline std::uint32_t speck_level(float rows_px) {
   return (rows_px > 0.7F ? 1U : 0U) + (rows_px > 1.4F ? 1U : 0U) + (rows_px > 2.8F ? 1U : 0U) +
-         (rows_px > 5.6F ? 1U : 0U);
+         (rows_px > 5.6F ? 1U : 0U) + (rows_px > 11.2F ? 1U : 0U);
 }
 
 THRONG_HOST_DEVICE inline std::uint32_t elevation_of_image(std::uint32_t image) {
@@ -269,8 +269,8 @@ struct SpeckFigure {
   glm::vec3 shown;  // by channel
   float size_y;     // pixels of its height as it is drawn
   float step, bottom, per_unit;
-  std::uint32_t count, two;  // slabs; their columns, as a shift
-  std::uint32_t first;       // slab of its picture's
+  std::uint32_t count, shift;  // slabs; 2^shift in a row
+  std::uint32_t first;         // slab of its picture's
 };
 THRONG_HOST_DEVICE inline SpeckFigure speck_figure(const PlacedSpeck& placed,
                                                    const SpeckImage& image, const SpeckLight& light,
@@ -278,9 +278,9 @@ THRONG_HOST_DEVICE inline SpeckFigure speck_figure(const PlacedSpeck& placed,
   SpeckFigure figure;
   figure.size_y = placed.size * light.tall[elevation_of_image(placed.image)];
   const std::uint32_t level = speck_level(figure.size_y * (image.y_high - image.y_low));
-  figure.two = SpeckLevels::columns(level) - 1;
+  figure.shift = SpeckLevels::column_shift(level);
   const std::uint32_t rows = 1U << level;
-  figure.count = rows << figure.two;
+  figure.count = SpeckLevels::slabs(level);
   figure.first = SpeckLevels::first_slab(level);
   const Tints tints = tints_of(placed.seed);
   const glm::vec3 parts[5] = {glm::vec3(1.0F), tints.skin, tints.hair, tints.top, tints.bottom};
@@ -309,7 +309,7 @@ THRONG_HOST_DEVICE inline SpeckPiece speck_piece(const SpeckFigure& figure, std:
                                                  const SpeckLight& light, const SceneFrame& scene,
                                                  bool by_channel) {
   SpeckPiece piece;
-  piece.bottom = figure.bottom - figure.step * static_cast<float>(k >> figure.two);
+  piece.bottom = figure.bottom - figure.step * static_cast<float>(k >> figure.shift);
   piece.top = piece.bottom - figure.step;
   const float middle = placed.x + placed.lean * (placed.y - 0.5F * (piece.top + piece.bottom));
   piece.left = middle + figure.per_unit * static_cast<float>(slab.low);
