@@ -45,8 +45,9 @@ class FixedController final : public BudgetController {
 class PredictiveController final : public BudgetController {
  public:
   explicit PredictiveController(const ControlSettings& settings)
-      : settings_(settings), budget_(settings.start_budget) {}
+      : settings_(settings), work_model_(settings.cost), budget_(settings.start_budget) {}
   std::string_view name() const override { return "predictive"; }
+  WorkCost learned() const override { return work_model_.cost(); }
 
   void record(const FrameCost& cost) override {
     model_.record(cost);

@@ -211,7 +211,8 @@ class CpuBackend final : public ComputeBackend {
             own->splats.span(),
             own->specks.span(),
             own->speck_runs,
-            own->speck_table.get()};
+            own->speck_table.get(),
+            own->speck_detail};
   }
 
   ComputeCounters counters(const ViewWork& view) const override {

@@ -57,16 +57,21 @@ FrameWork work_of(const std::vector<Sample>& samples, std::uint32_t every, const
                   const Selection& selection, float error_px) {
   const MixedForms& mixed = selection.mixed;
   const float pose_error_px = pose_error_of(error_px);
+  const float slab_px = coarse_px(error_px), least_px = std::max(mixed.least_px, slab_px);
   double sum[FrameWork::kParts] = {};
   for (const Sample& one : samples) {
-    if (one.may_be_speck && one.height_px * one.limit * mixed.speck_error < error_px) {
-      const float kept = std::min(one.height_px / mixed.least_px, 1.0F);
-      const float height_px = std::max(one.height_px, mixed.least_px);
+    const std::uint32_t step = ErrorTable::step_of(error_px / (one.px_per_m * one.limit));
+    if (one.may_be_speck && one.height_px * one.limit * mixed.speck_error < error_px &&
+        mixed.speck_us + mixed.speck_px2_us * one.height_px * one.height_px <
+            mixed.mesh_us +
+                mixed.mesh_vertex_us * static_cast<float>(one.error->vertex_count[step])) {
+      const float kept = std::min(one.height_px / least_px, 1.0F);
+      const float height_px = std::max(one.height_px, least_px);
       sum[FrameWork::kSpecks] += kept * kept;
+      sum[FrameWork::kSpeckRows] += kept * kept * height_px * 0.5F / slab_px;
       sum[FrameWork::kSpeckPixels] += kept * kept * (height_px + 1.0F) * (0.4F * height_px + 1.5F);
       continue;
     }
-    const std::uint32_t step = ErrorTable::step_of(error_px / (one.px_per_m * one.limit));
     bool shares = one.may_share && selection.pose_mode == PoseMode::kShared &&
                   one.height_px * element::tier_error(0) < pose_error_px &&
                   one.radius_px < element::kSharedRadiusPx;
@@ -75,12 +80,15 @@ FrameWork work_of(const std::vector<Sample>& samples, std::uint32_t every, const
     shares = shares && vertices <= LevelTable::kMostVertices;
     sum[shares ? FrameWork::kShared : FrameWork::kOwn] += 1.0;
     sum[shares ? FrameWork::kSharedVertices : FrameWork::kOwnVertices] += vertices;
-    sum[FrameWork::kMeshPixels] +=
+    const float pixels =
         std::min(0.2F * one.height_px * one.height_px, view.projection.viewport_px2);
+    sum[FrameWork::kMeshPixels] += pixels;
+    sum[FrameWork::kMeshEdges] += std::sqrt(pixels * static_cast<float>(vertices));
   }
   FrameWork work;
   work.known = true;
-  constexpr double kUnits[FrameWork::kParts] = {1e-3, 1e-6, 1e-3, 1e-6, 1e-3, 1e-6, 1e-6};
+  constexpr double kUnits[FrameWork::kParts] = {1e-3, 1e-6, 1e-3, 1e-6, 1e-3,
+                                                1e-6, 1e-6, 1e-6, 1e-6};
   for (int i = 0; i < FrameWork::kParts; ++i) work.part[i] = every * kUnits[i] * sum[i];
   // pixels behind others are not shaded
   const double viewport_mpx = 1e-6 * view.projection.viewport_px2;
@@ -92,6 +100,7 @@ FrameWork work_of(const std::vector<Sample>& samples, std::uint32_t every, const
   if (vertices > most && vertices > 0.0) {
     work.part[FrameWork::kOwnVertices] *= most / vertices;
     work.part[FrameWork::kSharedVertices] *= most / vertices;
+    work.part[FrameWork::kMeshEdges] *= std::sqrt(most / vertices);
   }
   return work;
 }
@@ -123,6 +132,7 @@ void fit_error(CpuView& view, const Kernels& kernels, Selection& selection) {
     chosen = high;
   }
   mixed.error_px = chosen;
+  mixed.least_px = std::max(mixed.least_px, coarse_px(chosen));
   selection.pose_error_px = pose_error_of(chosen);
   view.error_px = chosen;
   view.work = work_at(chosen);

@@ -115,6 +115,7 @@ void select(CpuView& view, const Selection& asked, Machine machine) {
   } else {
     view.error_px = 0.0F;
   }
+  view.speck_detail = 0.5F / coarse_px(selection.mixed.error_px);
   if (selection.form == FormRule::kMixed && selection.mixed.specks) {
     list_mixed(view, selection.mixed, machine.pool, machine.kernels);
   } else {

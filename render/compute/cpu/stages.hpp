@@ -64,6 +64,7 @@ struct CpuView final : ViewWork {
   Buffer<Speck> specks;
   std::vector<SpeckRun> speck_runs;  // by chunk of slots
   std::shared_ptr<const SpeckTable> speck_table;
+  float speck_detail = 1.0F;
   FrameWork work;         // where a time was asked for
   float error_px = 0.0F;  // chosen then, and kept by the next frame as long as it fits
   std::uint32_t speck_count = 0, left_out = 0;  // agents that are not among the visible instances

@@ -1293,6 +1293,7 @@ absl::Status VisibilityRasterizer::draw(const FrameGeometry& geometry, const Cam
       speck_scene_ = {&scene,
                       &grid_,
                       glm::vec3(glm::transpose(glm::mat3(view_from_relative(camera)))[1]),
+                      geometry.speck_detail,
                       {look.channel_low, look.channel_high, look.color_by_channel}};
       specks_.place(geometry, speck_scene_, tiles_x_, tiles_y_, pool_);
     }

@@ -134,14 +134,13 @@ class Runner {
     settings.start_budget = kModelVertices * options_.agents;
     settings.most_budget = settings.start_budget;
     settings.least_error_px = 0.004F;  // whatever time there is, it is to be spent
+    settings.cost = cost_;
     const auto controller = make_controller(settings);
     const bool original = way.kind != ControllerKind::kPredictive;
-    // what lies before the first frame is drawn is known to all alike: one frame
-    render::FramePlan plan = controller->next_plan(full_ms);
     for (const Segment& segment : segments) {
       for (std::uint32_t i = 0; i < segment.frames && !stop_requested; ++i) {
         const double target_ms = segment.target_share * full_ms;
-        if (!frames.empty()) plan = controller->next_plan(target_ms);
+        const render::FramePlan plan = controller->next_plan(target_ms);
         render::FrameCost cost;
         const auto ms = draw(plan, original, segment.place, cost);
         if (!ms.ok()) return ms.status();
@@ -154,6 +153,23 @@ class Runner {
         if (auto status = write_png(file, picture_); !status.ok()) return status;
       }
     }
+    return absl::OkStatus();
+  }
+
+  /// What predictive starts from: what it learns in a few frames of the whole crowd, as a server's
+  /// next viewer starts from what the one before taught. The others draw State 0 at first.
+  absl::Status learn(double full_ms) {
+    render::ControlSettings settings;
+    settings.kind = ControllerKind::kPredictive;
+    settings.start_budget = settings.most_budget = kModelVertices * options_.agents;
+    const auto controller = make_controller(settings);
+    for (const double share : {0.5, 0.25, 0.125, 0.5, 0.25, 0.125}) {
+      render::FrameCost cost;
+      const auto ms = draw(controller->next_plan(share * full_ms), false, 0, cost);
+      if (!ms.ok()) return ms.status();
+      controller->record(cost);
+    }
+    cost_ = controller->learned();
     return absl::OkStatus();
   }
 
@@ -181,6 +197,7 @@ class Runner {
   Walkthrough& crowd_;
   render::Picture picture_;
   std::uint64_t frame_ = 0;
+  render::WorkCost cost_{};
 };
 
 nlohmann::ordered_json json_of(const Score& score) {
@@ -220,6 +237,7 @@ absl::Status run_sfsm(const Common& common, const SfsmOptions& options) {
     if (i > 0) full.push_back(*ms);
   }
   const double full_ms = median(full);
+  if (auto status = runner.learn(full_ms); !status.ok()) return status;
 
   const std::uint32_t n = options.frames;
   const std::vector<Segment> steps{{1.0, 0, n / 5}, {0.3, 0, n * 2 / 5}, {0.095, 0, n * 2 / 5}};

@@ -116,6 +116,7 @@ struct FrameGeometry {
   std::span<const Speck> specks = {};
   std::span<const SpeckRun> speck_runs = {};
   const SpeckTable* speck_table = nullptr;
+  float speck_detail = 1.0F;  // rows of slabs, of those that leave nothing to be seen
   const DeviceGeometry* on_device = nullptr;  // else the spans are empty
 };
 

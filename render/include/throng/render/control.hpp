@@ -24,6 +24,7 @@ struct ControlSettings {
   std::uint64_t least_budget = 50'000;
   std::uint64_t most_budget = 20'000'000;
   float least_error_px = 0.05F;  // kPredictive spends no time on what is less off
+  WorkCost cost{};               // what it starts from: of another view of this machine, if known
   // kSfsm
   float k_per_m = 0.075F;       // how fast far agents' motion gets rare, 0.05 to 0.1
   float settled_m = 15.0F;      // h: steps of the learned distance under this end the learning
@@ -65,6 +66,10 @@ class BudgetController {
 
   /// Tells what the last frame took. A time that is not a positive number is passed over.
   virtual void record(const FrameCost& cost) = 0;
+
+  /// What the parts of a frame cost on this machine, as far as that was learned: what the next view
+  /// on it may start from.
+  virtual WorkCost learned() const { return {}; }
 
   /// The vertex budget of the next frame. A target that is not a positive number leaves it.
   virtual std::uint64_t next_budget(double target_ms) = 0;

@@ -26,18 +26,22 @@ struct FrameWork {
     kShared,          // thousands of agents that share one
     kSharedVertices,  // millions
     kSpecks,          // thousands
+    kSpeckRows,       // millions: pixels of their heights
     kSpeckPixels,     // millions
     kMeshPixels,      // millions, of all figures but specks
+    kMeshEdges,       // millions of pixels along the edges of their triangles
     kParts
   };
   bool known = false;  // false: the backend did not say
   double part[kParts] = {};
 };
 
-/// Milliseconds of a frame: fixed_ms, and for each unit of its work.
+/// Milliseconds of a frame: fixed_ms, and for each unit of its work. The defaults are of one core
+/// with AVX-512, from frames near, middle, far and from above at a fifth to all of full detail's
+/// time: edges tell what near figures of few triangles cost beside far ones of many.
 struct WorkCost {
-  double fixed_ms = 7.0;
-  double ms[FrameWork::kParts] = {4.0, 25.0, 0.6, 14.0, 0.15, 10.0, 30.0};
+  double fixed_ms = 5.0;
+  double ms[FrameWork::kParts] = {9.0, 8.0, 0.4, 0.8, 0.1, 150.0, 18.0, 10.0, 80.0};
   double of(const FrameWork& work) const {
     double sum = fixed_ms;
     for (int i = 0; i < FrameWork::kParts; ++i) sum += ms[i] * work.part[i];
@@ -63,11 +67,17 @@ struct MixedForms {
   float speck_error = 0.05F;
   // of those that are less high some stand for all
   float least_px = 1.0F;
-  // over 0: error_px is chosen for each frame so that it takes this time by `cost`
+  // over 0: error_px is chosen for each frame so that it takes this time by `cost`. Beyond 3 pixels
+  // specks get fewer slabs, and more of them stand for others (`coarse_px`).
   double budget_ms = 0.0;
-  float least_error_px = 0.05F, most_error_px = 4.0F;
+  float least_error_px = 0.05F, most_error_px = 32.0F;
   WorkCost cost{};
 };
+
+/// The height of a speck's slabs, and under which specks stand for others where no more is asked
+/// for, at an error: where a frame's time forces it to be large, what is blurred by less is not
+/// worth drawing.
+inline float coarse_px(float error_px) { return error_px > 3.0F ? error_px / 6.0F : 0.5F; }
 
 /// Variable-frequency motion update (Lyu et al., 3.1): who is farther than `distance_m` is posed
 /// only every f-th frame and moved as it is in between,

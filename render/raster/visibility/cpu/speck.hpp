@@ -23,6 +23,7 @@ struct SpeckScene {
   const SceneFrame* scene;
   const SampleGrid* grid;
   glm::vec3 camera_up;
+  float detail;  // FrameGeometry::speck_detail
   element::ChannelRange range;
 };
 

@@ -90,6 +90,7 @@ SpeckLight LightOf(const SpeckScene& speck_scene, float x_px, float y_px) {
   SpeckLight light;
   for (int k = 0; k < 6; ++k) element::light_row(light, k, fit, scene);
   element::light_places(light, view, scene, *speck_scene.grid, x_px, y_px);
+  light.detail = speck_scene.detail;
   return light;
 }
 
@@ -222,8 +223,12 @@ void BlendSpecks(const SpeckBatch& batch, const SpeckScene& scene, int x_px, int
 
 void ShadeSpecks(const SpeckBatch& batch, const SpeckScene& scene, int x_px, int y_px,
                  float* missing) {
-  const SpeckLight light = LightOf(scene, static_cast<float>(x_px + kTilePx / 2),
-                                   static_cast<float>(y_px + kTilePx / 2));
+  const auto middle_x_px = static_cast<float>(x_px + kTilePx / 2);
+  const auto middle_y_px = static_cast<float>(y_px + kTilePx / 2);
+  SpeckLight light;  // only where shadows fall: what figures reflect is not asked
+  element::light_places(
+      light, element::speck_view(*scene.scene, scene.camera_up, middle_x_px, middle_y_px),
+      *scene.scene, *scene.grid, middle_x_px, middle_y_px);
   const element::SpeckShadow shadow = element::speck_shadow(light);
   if (!shadow.falls) return;
   const bool is_tall = shadow.is_tall;

@@ -217,6 +217,7 @@ struct SpeckLight {
   float tall[kSpeckElevations];  // height here of a picture made at an elevation
   glm::vec2 along, across;       // of a shadow, pixels down and right, for a figure of size 1
   float shadow;                  // share of light it takes
+  float detail;                  // rows of slabs, of those that leave nothing to be seen
 };
 THRONG_HOST_DEVICE inline void light_row(SpeckLight& light, int k, const SpeckFit& fit,
                                          const SceneFrame& scene) {
@@ -245,6 +246,7 @@ THRONG_HOST_DEVICE inline void light_places(SpeckLight& light, const SpeckView& 
   }
   light.along = light.across = glm::vec2(0.0F);
   light.shadow = 0.0F;
+  light.detail = 1.0F;
   // shadows: a body of 0.43 m, as wide as that of a blob is on the average
   if (!scene.shadows) return;
   const auto on_picture = [&](float x, float y) {
@@ -277,7 +279,8 @@ THRONG_HOST_DEVICE inline SpeckFigure speck_figure(const PlacedSpeck& placed,
                                                    const ChannelRange& range, float channel) {
   SpeckFigure figure;
   figure.size_y = placed.size * light.tall[elevation_of_image(placed.image)];
-  const std::uint32_t level = speck_level(figure.size_y * (image.y_high - image.y_low));
+  const std::uint32_t level =
+      speck_level(light.detail * figure.size_y * (image.y_high - image.y_low));
   figure.shift = SpeckLevels::column_shift(level);
   const std::uint32_t rows = 1U << level;
   figure.count = SpeckLevels::slabs(level);
