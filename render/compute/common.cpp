@@ -62,6 +62,13 @@ absl::Status check_selection(const Selection& selection) {
     return absl::InvalidArgumentError(
         absl::StrCat("select: point_size_px is ", selection.point_size_px, ", must be > 0"));
   }
+  if (!(selection.mixed.error_px > 0.0F) || !(selection.mixed.speck_error > 0.0F) ||
+      !(selection.mixed.least_px > 0.0F)) {
+    return absl::InvalidArgumentError(absl::StrCat("select: error_px is ", selection.mixed.error_px,
+                                                   ", speck_error ", selection.mixed.speck_error,
+                                                   " and least_px ", selection.mixed.least_px,
+                                                   ", all must be > 0"));
+  }
   return absl::OkStatus();
 }
 

@@ -104,10 +104,7 @@ struct Compute {
 
 struct FramePipeline::State {
   std::shared_ptr<const Cast> cast;
-  std::shared_ptr<const Cast> with_pieces;  // what is uploaded: the cast and what stands around
   std::unique_ptr<Compute> main;
-  // of impostors and points where `main` makes meshes only; made when they are first asked for
-  std::unique_ptr<Compute> forms;
   std::unique_ptr<Rasterizer> rasterizer;
   PixelFacts facts;
   std::string backend_name;
@@ -128,12 +125,8 @@ struct FramePipeline::State {
   std::vector<Placed> placed;
 
   absl::Status upload_to_all(const std::shared_ptr<const Cast>& members) {
-    for (Compute* compute : {main.get(), forms.get()}) {
-      if (compute == nullptr) continue;
-      compute->advanced = {};
-      if (absl::Status status = compute->backend->upload(members); !status.ok()) return status;
-    }
-    with_pieces = members;
+    main->advanced = {};
+    if (absl::Status status = main->backend->upload(members); !status.ok()) return status;
     return rasterizer->upload(members);
   }
 
@@ -171,25 +164,11 @@ struct FramePipeline::State {
     return placed.back().members;
   }
 
-  /// Who makes the geometry of agents in this form.
-  absl::StatusOr<Compute*> compute_for(FormRule form) {
-    if (main->kind == BackendKind::kCpu || form == FormRule::kMesh) return main.get();
-    if (forms == nullptr) {
-      auto made = Compute::make(BackendKind::kCpu, threads);
-      if (!made.ok()) return made.status();
-      if (absl::Status status = (*made)->begin(with_pieces); !status.ok()) return status;
-      forms = *std::move(made);
-    }
-    return forms.get();
-  }
-
   /// What agents are drawn as: a rasterizer that draws nothing else is given meshes.
   FormRule form_of(FormRule form) const {
     const Representation needed =
         form == FormRule::kPoints ? Representation::kPoints : Representation::kImpostor;
     if (!rasterizer->draws(needed)) return FormRule::kMesh;
-    // what the mixed frame wins by are specks
-    if (form == FormRule::kMixed && main->kind == BackendKind::kCuda) return FormRule::kMesh;
     return form;
   }
 
@@ -269,7 +248,7 @@ absl::StatusOr<std::unique_ptr<FramePipeline>> FramePipeline::make(
   }
   std::unique_ptr<FramePipeline> pipeline(new FramePipeline());
   State& state = *pipeline->state_;
-  state.cast = state.with_pieces = cast;
+  state.cast = cast;
   state.measure_cpu_times = options.measure_cpu_times;
   state.threads = options.threads;
   auto compute = Compute::make(options.backend, options.threads);
@@ -312,9 +291,7 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
   StageClock clock(stats, state.measure_cpu_times);
 
   const FormRule form = state.form_of(settings.selection.form);
-  const auto compute_of_form = state.compute_for(form);
-  if (!compute_of_form.ok()) return compute_of_form.status();
-  Compute& compute = **compute_of_form;
+  Compute& compute = *state.main;
   auto instances = state.instances_at(compute, crowd, scene_time_us, settings.channel);
   if (!instances.ok()) return instances.status();
   clock.stop(&StageTimes::advance_ms);
@@ -339,7 +316,9 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
     const bool is_handed_over =
         compute.kind == BackendKind::kCpu && state.rasterizer->takes_device();
     selection.geometry = is_handed_over ? GeometryKind::kBatched : state.geometry;
-    selection.on_device = compute.kind == BackendKind::kCuda && state.rasterizer->takes_device();
+    // gl's passes take forms other than meshes from the host
+    selection.on_device = compute.kind == BackendKind::kCuda && state.rasterizer->takes_device() &&
+                          (form == FormRule::kMesh || state.rasterizer->takes_fused());
     selection.read_instances = passes != nullptr;
     selection.form = form;
     // who is in a picture is asked of figures that are drawn one by one
@@ -414,10 +393,6 @@ absl::Status FramePipeline::render_large(const Crowd& crowd, std::int64_t scene_
 RasterInfo FramePipeline::raster_info() const {
   RasterInfo info = state_->rasterizer->info();
   if (!state_->why.empty()) absl::StrAppend(&info.detail, "; auto: ", state_->why);
-  if (state_->main->kind == BackendKind::kCuda) {
-    absl::StrAppend(&info.detail,
-                    "; impostors and points are made on the processor, mixed forms are meshes");
-  }
   return info;
 }
 std::string FramePipeline::backend_name() const { return state_->backend_name; }

@@ -133,13 +133,6 @@ class CpuBackend final : public ComputeBackend {
       return status;
     }
     if (absl::Status status = check_selection(selection); !status.ok()) return status;
-    if (!(selection.mixed.error_px > 0.0F) || !(selection.mixed.speck_error > 0.0F) ||
-        !(selection.mixed.least_px > 0.0F)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("select: error_px is ", selection.mixed.error_px, ", speck_error ",
-                       selection.mixed.speck_error, " and least_px ", selection.mixed.least_px,
-                       ", all must be > 0"));
-    }
     try {
       if (selection.form == FormRule::kMixed && selection.mixed.specks) {
         const std::lock_guard lock(generate_mutex_);

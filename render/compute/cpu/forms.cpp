@@ -14,13 +14,6 @@ bool has_joints(Representation form) {
   return form == Representation::kImpostor || form == Representation::kPoints;
 }
 
-float px_per_m_of(const CpuView& view, std::size_t v) {
-  const float d = view.projection.perspective != 0
-                      ? std::max(view.distance_m[v], view.visible[v].radius_m)
-                      : 1.0F;
-  return view.projection.focal_px / d;
-}
-
 /// Vertices that keep agent v within a step of the table; where it shares its pose, of the levels
 /// that are listed the next finer one.
 std::uint32_t vertices_for(const CpuView& view, std::size_t v, std::uint32_t step) {
@@ -51,32 +44,17 @@ void mix_forms(CpuView& view, const Selection& selection, WorkPool& pool) {
     for (std::size_t v = begin; v < end; ++v) {
       VisibleInstance& instance = view.visible[v];
       const Character& character = *cast.characters[instance.character].character;
-      // each agent's limits lie up to a fifth apart, so that a row of them does not change at once
       const float own = element::unit_from_seed(instance.seed, element::kSeedForm);
-      const float px_per_m = px_per_m_of(view, v) * (0.9F + 0.2F * own);
+      const float px_per_m =
+          element::form_px_per_m(view.projection, view.distance_m[v], instance.radius_m, own);
       const float height_px = px_per_m * instance.scale * character.height_m;
       const std::uint32_t step = ErrorTable::step_of(mixed.error_px / px_per_m);
       view.share[v] = step;
       view.representation[v] = Representation::kMesh;
       if (instance.slot >= agents) continue;
-      if (height_px < 1.0F) {
-        // of those under a pixel some stand for all: as much larger as they are fewer
-        const float kept = height_px * height_px;
-        if (own >= kept) {
-          view.representation[v] = Representation::kNone;
-        } else {
-          instance.scale /= height_px;
-        }
-        continue;
-      }
-      const float mesh_us =
-          mixed.mesh_us + mixed.mesh_vertex_us * static_cast<float>(vertices_for(view, v, step));
-      const float figure_px2 = 0.25F * height_px * height_px;
-      const float impostor_us = mixed.impostor_us + mixed.impostor_px2_us * figure_px2;
-      if (character.relief != nullptr && mixed.impostor_error * height_px <= mixed.error_px &&
-          impostor_us < mesh_us) {
-        view.representation[v] = Representation::kImpostor;
-      }
+      const std::uint32_t vertices = height_px < 1.0F ? 0 : vertices_for(view, v, step);
+      view.representation[v] = element::mixed_form(
+          mixed, own, height_px, character.relief != nullptr, vertices, instance.scale);
     }
   });
 }
@@ -103,15 +81,11 @@ void deal_by_error(CpuView& view, const Selection& selection, WorkPool& pool) {
     for (const std::uint64_t each : view.chunk_sum) total += each;
     return total;
   };
-  // the fewest steps coarser for all that keep to the budget
-  std::uint32_t low = 0, high = ErrorTable::kSteps - 1;
-  if (sum_with(0) > selection.vertex_budget) {
-    while (low + 1 < high) {
-      const std::uint32_t middle = (low + high) / 2;
-      (sum_with(middle) > selection.vertex_budget ? low : high) = middle;
-    }
-    low = high;
+  element::ErrorSearch search;
+  while (!search.done) {
+    element::search_on(search, sum_with(search.coarser), selection.vertex_budget);
   }
+  const std::uint32_t low = search.coarser;
   // where a time was asked for, the error that keeps it is the budget
   const std::uint64_t asked = sum_with(low);
   view.effective_budget =

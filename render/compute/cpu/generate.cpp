@@ -188,12 +188,9 @@ absl::Status generate(CpuView& view, Machine machine, PosedBank& bank, PosedBank
       }
       if (view.tier[v] != kOwnPose) {
         const PosedBank::Mesh& mesh = bank.mesh(view.mesh[v]);
-        element::Placement placement = view.state[v].placement;
-        if (instance.scale != placement.scale) {  // one that stands for several (choose_forms)
-          const float larger = instance.scale / placement.scale;
-          placement = {larger * placement.cosine_scale, larger * placement.sine_scale,
-                       instance.scale};
-        }
+        // one that stands for several is larger (choose_forms)
+        const element::Placement placement =
+            element::shared_placement(view.state[v].placement, instance.scale);
         const std::uint32_t level = levels.level_at[instance.character][instance.vertex_count];
         if (view.geometry == GeometryKind::kFused) {
           view.shared[v] = {

@@ -1,28 +1,18 @@
 #include <algorithm>
 #include <cstring>
-#include <functional>
 
 #include "render/compute/cpu/kernels.hpp"
 #include "render/compute/cpu/stages.hpp"
 #include "render/compute/cpu/want_poses.hpp"
+#include "render/compute/element/forms.hpp"
 #include "render/compute/element/octahedral.hpp"
+#include "render/compute/element/posed.hpp"
 #include "render/compute/element/shared_pose.hpp"
 
 namespace throng::render {
 namespace {
 
 constexpr std::size_t kChunk = 256;
-
-/// Tones of the finest level that has no more points than needed: the level's points reach to the
-/// next one's at least.
-std::uint32_t tone_level_first(std::uint32_t points, std::uint32_t n) {
-  std::uint32_t first = 0;
-  while ((points >> 1) >= n && points > 1) {
-    first += points;
-    points >>= 1;
-  }
-  return first;
-}
 
 /// Poses a character's first points in its model frame, by columns: x, y, z, normal.
 void make_posed_points(const Kernels& kernels, const CharacterTable& table, std::uint32_t pose,
@@ -57,15 +47,9 @@ void choose_points(CpuView& view, float size_px, WorkPool& pool) {
       VisibleInstance& instance = view.visible[v];
       const SurfacePoints& points =
           view.instances->cast->characters[instance.character].character->points;
-      const float d =
-          view.projection.perspective != 0 ? std::max(view.distance_m[v], instance.radius_m) : 1.0F;
-      const float px_per_m = view.projection.focal_px / d * instance.scale;
-      // radii never rise: the first one that is small enough, at last the smallest there is
-      const float most_m = 0.5F * size_px / px_per_m;
-      const auto enough = std::lower_bound(points.radius_m.begin(), points.radius_m.end(), most_m,
-                                           std::greater<float>());
-      const auto n = static_cast<std::uint32_t>(enough - points.radius_m.begin()) + 1;
-      instance.vertex_count = std::min(n, points.count());
+      instance.vertex_count =
+          element::points_for(view.projection, view.distance_m[v], instance.radius_m,
+                              instance.scale, size_px, points.radius_m.data(), points.count());
       instance.triangle_count = 0;
     }
   });
@@ -124,7 +108,7 @@ absl::Status make_splats(CpuView& view, Machine machine, PosedBank& bank,
       const std::uint32_t n = instance.vertex_count;
       if (n == 0) continue;  // baked without points
       const float radius_m = points.radius_m[n - 1] * instance.scale;
-      const PointTone* tone = points.tone.data() + tone_level_first(points.count(), n);
+      const PointTone* tone = points.tone.data() + element::first_point_tone(points.count(), n);
       Splat* out = view.splats.data() + view.splat_offset[v];
       if (view.tier[v] == kOwnPose) {
         BatchVertex* vertices =
@@ -146,24 +130,12 @@ absl::Status make_splats(CpuView& view, Machine machine, PosedBank& bank,
       const PosedBank::Mesh& mesh = bank.mesh(view.mesh[v]);
       const float* x = bank.data() + mesh.first + kPosedHeader;
       const float *y = x + mesh.stride, *z = y + mesh.stride, *normal = z + mesh.stride;
-      const element::Placement& placed = state.placement;
-      const float cosine = placed.cosine_scale / placed.scale;
-      const float sine = placed.sine_scale / placed.scale;
       for (std::uint32_t i = 0; i < n; ++i) {
-        out[i].position_relative =
-            instance.position_relative +
-            glm::vec3(x[i] * placed.cosine_scale - y[i] * placed.sine_scale,
-                      x[i] * placed.sine_scale + y[i] * placed.cosine_scale, z[i] * placed.scale);
-        out[i].radius_m = radius_m;
         glm::i16vec2 packed;
         std::memcpy(&packed, normal + i, 4);
-        const glm::vec3 turned = element::unpack_octahedral(packed);
-        const std::uint32_t code = element::pack_octahedral(
-            turned.x * cosine - turned.y * sine, turned.x * sine + turned.y * cosine, turned.z);
-        std::memcpy(&out[i].normal, &code, sizeof code);
-        out[i].base = tone[i].base;
-        out[i].regions = tone[i].regions;
-        out[i].visible = static_cast<std::uint32_t>(v);
+        out[i] = element::shared_splat(instance.position_relative, state.placement,
+                                       glm::vec3(x[i], y[i], z[i]), packed, radius_m, tone[i].base,
+                                       tone[i].regions, static_cast<std::uint32_t>(v));
       }
     }
   });

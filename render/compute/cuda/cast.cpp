@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "render/compute/cpu/error_table.hpp"
 #include "render/compute/cpu/levels.hpp"
 #include "render/compute/element/octahedral.hpp"
 #include "render/compute/element/shared_pose.hpp"
@@ -45,7 +46,10 @@ absl::StatusOr<std::shared_ptr<const CudaCast>> CudaCast::upload(std::shared_ptr
   for (const Level& level : table.levels) {
     levels.push_back({level.vertex_count, level.triangle_count, level.first_triangle});
   }
-  std::vector<std::uint32_t> level_at;
+  std::vector<std::uint32_t> level_at, error_counts;
+  std::vector<element::SourceVertex> points;
+  std::vector<float> point_radii;
+  std::vector<DevicePointTone> point_tones;
 
   for (std::size_t m = 0; m < cast->members.size(); ++m) {
     const Character& from = cast->members[m].character;
@@ -87,6 +91,18 @@ absl::StatusOr<std::shared_ptr<const CudaCast>> CudaCast::upload(std::shared_ptr
       uvs.push_back(from.uv[i]);
       targets.push_back(from.collapse_target[i]);
     }
+    const ErrorTable errors = make_error_table(from);
+    error_counts.insert(error_counts.end(), errors.vertex_count.begin(), errors.vertex_count.end());
+    to.has_relief = from.relief != nullptr ? 1 : 0;
+    to.first_point = static_cast<std::uint32_t>(points.size());
+    to.point_count = from.points.count();
+    to.first_tone = static_cast<std::uint32_t>(point_tones.size());
+    for (const SurfacePoint& point : from.points.point) {
+      points.push_back({point.position, element::unpack_octahedral(point.normal), point.joint_index,
+                        point.joint_weight});
+    }
+    point_radii.insert(point_radii.end(), from.points.radius_m.begin(), from.points.radius_m.end());
+    for (const PointTone& tone : from.points.tone) point_tones.push_back({tone.base, tone.regions});
     for (const auto& corners : from.triangle) triangles.push_back(glm::uvec3(corners));
     triangle_counts.insert(triangle_counts.end(), from.triangle_count_at.begin(),
                            from.triangle_count_at.end());
@@ -114,6 +130,10 @@ absl::StatusOr<std::shared_ptr<const CudaCast>> CudaCast::upload(std::shared_ptr
   THRONG_CUDA_TRY(copy(levels, result->level_, device.level, stream), kCall);
   THRONG_CUDA_TRY(copy(table.corners, result->level_corners_, device.level_corners, stream), kCall);
   THRONG_CUDA_TRY(copy(level_at, result->level_at_, device.level_at, stream), kCall);
+  THRONG_CUDA_TRY(copy(error_counts, result->error_count_, device.error_count, stream), kCall);
+  THRONG_CUDA_TRY(copy(points, result->point_, device.point, stream), kCall);
+  THRONG_CUDA_TRY(copy(point_radii, result->point_radius_m_, device.point_radius_m, stream), kCall);
+  THRONG_CUDA_TRY(copy(point_tones, result->point_tone_, device.point_tone, stream), kCall);
   THRONG_CUDA_TRY(cudaStreamSynchronize(stream), kCall);  // the vectors end here
   result->cast_ = std::move(cast);
   return result;

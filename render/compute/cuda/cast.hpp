@@ -18,6 +18,7 @@ class CudaCast {
                                                                 cudaStream_t stream);
 
   const DeviceCast& device() const { return device_; }
+  const std::shared_ptr<const Cast>& cast() const { return cast_; }
   std::size_t character_count() const { return cast_->members.size(); }
   std::uint32_t most_joints() const { return most_joints_; }
   /// Of posed meshes that agents may share.
@@ -35,7 +36,11 @@ class CudaCast {
         palette_(stream),
         level_(stream),
         level_corners_(stream),
-        level_at_(stream) {}
+        level_at_(stream),
+        error_count_(stream),
+        point_(stream),
+        point_radius_m_(stream),
+        point_tone_(stream) {}
 
   std::shared_ptr<const Cast> cast_;
   DeviceCast device_;
@@ -49,7 +54,10 @@ class CudaCast {
   DeviceBuffer<std::uint32_t> legal_count_;
   DeviceBuffer<element::JointMatrix> palette_;
   DeviceBuffer<DeviceLevel> level_;
-  DeviceBuffer<std::uint32_t> level_corners_, level_at_;
+  DeviceBuffer<std::uint32_t> level_corners_, level_at_, error_count_;
+  DeviceBuffer<element::SourceVertex> point_;
+  DeviceBuffer<float> point_radius_m_;
+  DeviceBuffer<DevicePointTone> point_tone_;
 };
 
 }  // namespace throng::render::cuda

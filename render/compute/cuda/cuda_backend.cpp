@@ -20,6 +20,7 @@
 #include "render/compute/cuda/graph.hpp"
 #include "render/compute/cuda/launch.hpp"
 #include "render/compute/cuda/memory.hpp"
+#include "render/compute/cuda/speck_store.hpp"
 #include "render/compute/cuda/stage_events.hpp"
 
 namespace throng::render {
@@ -35,7 +36,7 @@ struct DeviceRoster {
   element::SnapshotColumns columns;  // id, character, scale, seed
 };
 
-struct CudaSnapshot final : DeviceSnapshot {
+struct CudaSnapshot final : DeviceSnapshot, std::enable_shared_from_this<CudaSnapshot> {
   explicit CudaSnapshot(cudaStream_t stream) : bytes(stream) {}
   std::int64_t time_us = 0;
   std::uint32_t present = 0;
@@ -48,6 +49,8 @@ struct CudaSnapshot final : DeviceSnapshot {
 struct CudaInstances final : Instances {
   explicit CudaInstances(cudaStream_t stream) : sphere_m(stream), state(stream) {}
   std::shared_ptr<const CudaCast> cast;
+  std::shared_ptr<const CudaSnapshot> older, newer;  // which `moment` looks into
+  element::Bracketed moment;
   DeviceBuffer<glm::vec4> sphere_m;            // [I]
   DeviceBuffer<element::InstanceState> state;  // [I]
 };
@@ -58,6 +61,17 @@ struct CudaView final : ViewWork {
         order(stream),
         visible(stream),
         distance_m(stream),
+        fate(stream),
+        speck_order(stream),
+        specks(stream),
+        representation(stream),
+        jointed(stream),
+        first_joint(stream),
+        palettes(stream),
+        first_splat(stream),
+        pointed(stream),
+        joints(stream),
+        splats(stream),
         tier(stream),
         own(stream),
         mesh(stream),
@@ -92,6 +106,8 @@ struct CudaView final : ViewWork {
   std::shared_ptr<const CudaInstances> instances;
   // what is to be launched still: all stages up to `allocate` go to the device as one graph
   std::optional<CullJob> cull_job;
+  std::optional<SplitJob> split_job;
+  CullJob cull_seen;  // of this frame, launched or not
   std::optional<SelectJob> select_job;
   LaunchGraph graph;
   enum Moment : std::size_t {
@@ -112,6 +128,20 @@ struct CudaView final : ViewWork {
   DeviceBuffer<std::uint32_t> order;
   DeviceBuffer<VisibleInstance> visible;
   DeviceBuffer<float> distance_m;
+  // of the mixed frame
+  glm::vec3 forward{0.0F, 1.0F, 0.0F};
+  std::shared_ptr<const SpeckStore> speck_store;  // null: nobody is a speck
+  DeviceBuffer<std::uint8_t> fate;
+  DeviceBuffer<std::uint32_t> speck_order;
+  DeviceBuffer<Speck> specks;
+  // of forms other than meshes
+  bool has_forms = false;
+  DeviceBuffer<Representation> representation;
+  DeviceBuffer<JointedInstance> jointed;
+  DeviceBuffer<std::uint32_t> first_joint, palettes, first_splat, pointed;
+  DeviceBuffer<element::JointMatrix> joints;
+  DeviceBuffer<Splat> splats;
+  std::array<SpeckRun, 1> speck_run;
   bool share_poses = false, fused = false;
   DeviceBuffer<std::uint8_t> tier;
   DeviceBuffer<std::uint32_t> own, mesh, wanted, size, is_made, list;
@@ -141,7 +171,9 @@ struct CudaView final : ViewWork {
 
   std::uint64_t size_bytes() const {
     const auto sum = [](const auto&... buffer) { return (buffer.size_bytes() + ...); };
-    return sum(mask, order, visible, distance_m, tier, own, mesh, wanted, size, is_made, list,
+    return sum(fate, speck_order, specks, representation, jointed, first_joint, palettes,
+               first_splat, pointed, joints, splats) +
+           sum(mask, order, visible, distance_m, tier, own, mesh, wanted, size, is_made, list,
                posed_table, shared, share, vertex_count, triangle_count, vertex_offset,
                triangle_offset, vertices, held_vertices, held, indices, scratch, sums, counters);
   }
@@ -194,6 +226,7 @@ class CudaBackend final : public ComputeBackend {
   ~CudaBackend() override {
     cast_.reset();
     roster_.reset();
+    specks_.reset();
     for (Staging& staging : staging_) {
       if (staging.copied != nullptr) cudaEventDestroy(staging.copied);
     }
@@ -316,6 +349,9 @@ class CudaBackend final : public ComputeBackend {
     job.moment.newer = with_channel(*to);
     job.moment.same_roster = from->roster == to->roster;
     job.moment.scene_time_us = scene_time_us;
+    instances->older = from->shared_from_this();
+    instances->newer = to->shared_from_this();
+    instances->moment = job.moment;
     job.sphere_m = instances->sphere_m.data();
     job.state = instances->state.data();
     THRONG_CUDA_TRY(launch_advance(job, stream_), "advance");
@@ -343,7 +379,10 @@ class CudaBackend final : public ComputeBackend {
     // the frame before may still be drawn
     THRONG_CUDA_TRY(cudaStreamWaitEvent(stream_, own->frame.drawn, 0), "cull");
     own->cull_job.reset();
+    own->split_job.reset();
     own->select_job.reset();
+    own->speck_store.reset();
+    own->forward = -glm::vec3(glm::transpose(view_from_relative(camera))[2]);
     own->instances = std::move(own_instances);
     own->projection = projection_of(camera, viewport);
     own->frustum = element::frustum_from(clip_from_relative(camera, viewport));
@@ -373,7 +412,7 @@ class CudaBackend final : public ComputeBackend {
     job.counters = own->counters.data();
     job.agents = slots - own->instances->surrounding;
     job.far_m = own->far_m;
-    own->cull_job = job;
+    own->cull_job = own->cull_seen = job;
     own->seen = DeviceCounters();
     own->stage = ViewStage::kCulled;
     return absl::OkStatus();
@@ -386,12 +425,16 @@ class CudaBackend final : public ComputeBackend {
       return status;
     }
     if (absl::Status status = check_selection(selection); !status.ok()) return status;
-    if (selection.form != FormRule::kMesh) {
-      return absl::UnimplementedError(
-          "select: the cuda backend makes meshes; impostors and points are the cpu backend's");
-    }
     const std::uint32_t slots = own->instances->count;
     THRONG_CUDA_TRY(cudaSetDevice(device_), "select");
+    own->has_forms = selection.form != FormRule::kMesh;
+    if (own->has_forms) THRONG_CUDA_TRY(own->representation.resize(slots), "select");
+    own->speck_store.reset();
+    own->split_job.reset();
+    own->cull_job = own->cull_seen;  // what was selected before changed the list
+    if (selection.form == FormRule::kMixed && selection.mixed.specks) {
+      if (absl::Status status = prepare_split(*own, selection.mixed); !status.ok()) return status;
+    }
     THRONG_CUDA_TRY(own->share.resize(slots), "select");
     THRONG_CUDA_TRY(own->tier.resize(slots), "select");
     THRONG_CUDA_TRY(own->own.resize(slots), "select");
@@ -412,6 +455,12 @@ class CudaBackend final : public ComputeBackend {
     job.frustum = own->frustum;
     job.share_poses = own->share_poses;
     job.fused = own->fused;
+    job.pose_error_px = selection.pose_error_px;
+    job.form = selection.form;
+    job.mixed = selection.mixed;
+    job.point_size_px = selection.point_size_px;
+    job.agents = slots - own->instances->surrounding;
+    job.representation = own->has_forms ? own->representation.data() : nullptr;
     job.state = own->instances->state.data();
     job.visible = own->visible.data();
     job.distance_m = own->distance_m.data();
@@ -439,8 +488,7 @@ class CudaBackend final : public ComputeBackend {
     const CudaCast& cast = *own->instances->cast;
     THRONG_CUDA_TRY(cudaSetDevice(device_), "allocate");
     std::size_t scratch_bytes = 0;
-    THRONG_CUDA_TRY(scan_scratch_bytes(std::max(slots + 1, cast.mesh_count()), scratch_bytes),
-                    "allocate");
+    THRONG_CUDA_TRY(scan_scratch_bytes(slots + cast.mesh_count() + 1, scratch_bytes), "allocate");
     THRONG_CUDA_TRY(own->scratch.resize(scratch_bytes), "allocate");
     THRONG_CUDA_TRY(own->vertex_offset.resize(slots + 1), "allocate");
     THRONG_CUDA_TRY(own->triangle_offset.resize(slots + 1), "allocate");
@@ -454,6 +502,8 @@ class CudaBackend final : public ComputeBackend {
     job.command = own->command.data();
     PosedJob posed;
     if (absl::Status status = posed_job(*own, posed); !status.ok()) return status;
+    FormsJob forms;
+    if (absl::Status status = forms_job(*own, forms); !status.ok()) return status;
     THRONG_CUDA_TRY(own->moments.make(), "allocate");
     const auto launches = [&](cudaStream_t stream, bool recorded) -> absl::Status {
       const auto passes = [&](CudaView::Moment moment) {
@@ -466,6 +516,8 @@ class CudaBackend final : public ComputeBackend {
       THRONG_CUDA_TRY(passes(CudaView::kSelectEnds), "select");
       THRONG_CUDA_TRY(launch_allocate(job, own->scratch.data(), scratch_bytes, stream), "allocate");
       THRONG_CUDA_TRY(launch_want_poses(posed, stream), "allocate");
+      THRONG_CUDA_TRY(launch_want_forms(forms, own->scratch.data(), scratch_bytes, stream),
+                      "allocate");
       THRONG_CUDA_TRY(passes(CudaView::kAllocateEnds), "allocate");
       return absl::OkStatus();
     };
@@ -486,6 +538,11 @@ class CudaBackend final : public ComputeBackend {
     own->made_vertices = seen.own_vertices;
     THRONG_CUDA_TRY(own->indices.resize(3 * seen.own_triangles), "allocate");
     if (own->fused) THRONG_CUDA_TRY(own->shared.resize(seen.visible), "allocate");
+    if (own->has_forms) {
+      if (absl::Status status = check_forms(seen); !status.ok()) return status;
+      THRONG_CUDA_TRY(own->joints.resize(seen.joints), "allocate");
+      THRONG_CUDA_TRY(own->splats.resize(seen.splats), "allocate");
+    }
     own->stage = ViewStage::kAllocated;
     return absl::OkStatus();
   }
@@ -528,6 +585,9 @@ class CudaBackend final : public ComputeBackend {
     }
     THRONG_CUDA_TRY(launch_generate(job, stream_), "generate");
     THRONG_CUDA_TRY(launch_remember(job, stream_), "generate");
+    FormsJob forms;
+    if (absl::Status status = forms_job(*own, forms); !status.ok()) return status;
+    THRONG_CUDA_TRY(launch_make_forms(forms, stream_), "generate");
     THRONG_CUDA_TRY(own->moments.record(CudaView::kGenerateEnds, stream_, false), "generate");
     if (own->on_device) {
       if (absl::Status status = leave_geometry(*own); !status.ok()) return status;
@@ -557,9 +617,22 @@ class CudaBackend final : public ComputeBackend {
          cudaStreamSynchronize(stream_) != cudaSuccess)) {
       return counters;
     }
-    counters.visible = seen.visible - seen.surrounding;
-    counters.drawn_as[static_cast<std::size_t>(Representation::kMesh)] = counters.visible;
+    const std::uint32_t listed = seen.visible - seen.surrounding;
+    counters.visible = listed;
+    counters.drawn_as[static_cast<std::size_t>(Representation::kMesh)] = listed;
     if (own->stage < ViewStage::kSelected) return counters;
+    if (own->has_forms) {
+      for (std::uint32_t form = 0; form < kRepresentations; ++form) {
+        counters.drawn_as[form] = static_cast<std::uint32_t>(seen.drawn_as[form]);
+      }
+      std::memcpy(&counters.farthest_m, &seen.farthest, sizeof counters.farthest_m);
+    }
+    if (own->speck_store != nullptr) {
+      const auto left_out = static_cast<std::uint32_t>(seen.left_out);
+      counters.visible += seen.specks + left_out;
+      counters.drawn_as[static_cast<std::size_t>(Representation::kSpeck)] += seen.specks;
+      counters.drawn_as[static_cast<std::size_t>(Representation::kNone)] += left_out;
+    }
     counters.vertices = seen.vertices;
     counters.triangles = seen.triangles;
     counters.effective_budget = seen.effective_budget;
@@ -655,7 +728,11 @@ class CudaBackend final : public ComputeBackend {
 
   /// Stages that were only taken note of so far.
   static absl::Status launch_pending_cull(CudaView& view, cudaStream_t stream) {
-    if (const auto job = std::exchange(view.cull_job, std::nullopt); job.has_value()) {
+    const bool splits = view.split_job.has_value();
+    if (const auto job = std::exchange(view.cull_job, std::nullopt); job.has_value() && splits) {
+      THRONG_CUDA_TRY(launch_mask(*job, view.scratch.data(), view.scratch.size_bytes(), stream),
+                      "cull");
+    } else if (job.has_value()) {
       THRONG_CUDA_TRY(launch_cull(*job, view.scratch.data(), view.scratch.size_bytes(), stream),
                       "cull");
     }
@@ -663,9 +740,84 @@ class CudaBackend final : public ComputeBackend {
   }
   static absl::Status launch_pending(CudaView& view, cudaStream_t stream) {
     if (absl::Status status = launch_pending_cull(view, stream); !status.ok()) return status;
-    if (const auto job = std::exchange(view.select_job, std::nullopt); job.has_value()) {
-      THRONG_CUDA_TRY(launch_select(*job, stream), "select");
+    if (const auto job = std::exchange(view.split_job, std::nullopt); job.has_value()) {
+      THRONG_CUDA_TRY(launch_split(*job, view.scratch.data(), view.scratch.size_bytes(), stream),
+                      "select");
     }
+    if (const auto job = std::exchange(view.select_job, std::nullopt); job.has_value()) {
+      THRONG_CUDA_TRY(
+          job->form == FormRule::kMixed ? launch_mix(*job, stream) : launch_select(*job, stream),
+          "select");
+    }
+    return absl::OkStatus();
+  }
+
+  /// What the mixed frame's visible list is split by. The pictures of specks are made when they
+  /// are first asked for.
+  absl::Status prepare_split(CudaView& view, const MixedForms& mixed) {
+    const CudaCast& cast = *view.instances->cast;
+    {
+      const std::lock_guard lock(mutex_);
+      if (specks_ == nullptr || specks_->cast() != cast.cast().get()) {
+        auto made = SpeckStore::make(cast.cast(), specks_.get(), stream_);
+        if (!made.ok()) return made.status();
+        specks_ = *std::move(made);
+      }
+      view.speck_store = specks_;
+    }
+    const CudaInstances& instances = *view.instances;
+    THRONG_CUDA_TRY(view.fate.resize(instances.count), "select");
+    THRONG_CUDA_TRY(view.speck_order.resize(instances.count), "select");
+    THRONG_CUDA_TRY(view.specks.resize(instances.count), "select");
+    SplitJob job;
+    job.cull = view.cull_seen;
+    job.cast = cast.device();
+    job.rule = {view.projection, view.forward, mixed};
+    job.moment = instances.moment;
+    job.has_images = view.speck_store->has_images();
+    job.fate = view.fate.data();
+    job.speck_order = view.speck_order.data();
+    job.specks = view.specks.data();
+    view.split_job = job;
+    return absl::OkStatus();
+  }
+
+  static absl::Status check_forms(const DeviceCounters& seen) {
+    if (seen.splats > kMostSplats) {
+      return absl::ResourceExhaustedError(absl::StrCat(
+          "allocate: ", seen.splats, " points, at most ", kMostSplats, "; make them larger"));
+    }
+    return absl::OkStatus();
+  }
+
+  /// What the kernels of impostors and points are given, with room for it.
+  absl::Status forms_job(CudaView& view, FormsJob& job) {
+    if (!view.has_forms) return absl::OkStatus();
+    const CudaCast& cast = *view.instances->cast;
+    job.cast = cast.device();
+    job.slots = view.instances->count;
+    job.poses = view.share_poses ? cast.mesh_count() : 0;
+    job.most_joints = cast.most_joints();
+    const std::size_t palettes = std::size_t{job.slots} + job.poses;
+    THRONG_CUDA_TRY(view.jointed.resize(job.slots), "allocate");
+    THRONG_CUDA_TRY(view.first_joint.resize(palettes + 1), "allocate");
+    THRONG_CUDA_TRY(view.palettes.resize(palettes), "allocate");
+    THRONG_CUDA_TRY(view.first_splat.resize(job.slots + 1), "allocate");
+    THRONG_CUDA_TRY(view.pointed.resize(job.slots), "allocate");
+    job.visible = view.visible.data();
+    job.state = view.instances->state.data();
+    job.tier = view.tier.data();
+    job.representation = view.representation.data();
+    job.jointed = view.jointed.data();
+    job.first_joint = view.first_joint.data();
+    job.palettes = view.palettes.data();
+    job.first_splat = view.first_splat.data();
+    job.pointed = view.pointed.data();
+    job.joints = view.joints.data();
+    job.splats = view.splats.data();
+    job.counters = view.counters.data();
+    job.to_pose = view.seen.palettes;
+    job.to_point = view.seen.pointed;
     return absl::OkStatus();
   }
 
@@ -692,6 +844,7 @@ class CudaBackend final : public ComputeBackend {
     job.visible = view.visible.data();
     job.state = view.instances->state.data();
     job.tier = view.tier.data();
+    job.representation = view.has_forms ? view.representation.data() : nullptr;
     job.mesh = view.mesh.data();
     job.wanted = view.wanted.data();
     job.table = view.posed_table.data();
@@ -758,6 +911,17 @@ class CudaBackend final : public ComputeBackend {
     view.frame.vertices = view.vertices.data();
     view.frame.indices = view.indices.data();
     view.frame.command = view.command.data();
+    const bool has_forms = view.has_forms && view.seen.visible > 0;
+    view.frame.representation = has_forms ? view.representation.data() : nullptr;
+    view.frame.jointed = view.jointed.data();
+    view.frame.joints = reinterpret_cast<const float*>(view.joints.data());
+    view.frame.splats = view.splats.data();
+    view.frame.splat_count = has_forms ? static_cast<std::uint32_t>(view.seen.splats) : 0;
+    const SpeckStore* store = view.speck_store.get();
+    view.frame.specks = view.specks.data();
+    view.frame.speck_count = store == nullptr ? 0 : view.seen.specks;
+    view.frame.speck_image = store == nullptr ? nullptr : store->image();
+    view.frame.speck_slab = store == nullptr ? nullptr : store->slab();
     view.geometry = FrameGeometry();
     view.geometry.on_device = &view.frame;
     const std::size_t count = view.seen.visible;
@@ -803,6 +967,10 @@ class CudaBackend final : public ComputeBackend {
     const std::size_t vertices = view.seen.own_vertices, indices = 3 * view.seen.own_triangles;
     const std::size_t shared = view.fused ? visible : 0;
     const std::size_t posed = view.fused ? view.posed_used : 0;
+    const std::size_t forms = view.has_forms ? visible : 0;
+    const std::size_t joints = view.has_forms ? view.seen.joints : 0;
+    const std::size_t splats = view.has_forms ? view.seen.splats : 0;
+    const std::size_t specks = view.speck_store != nullptr ? view.seen.specks : 0;
     std::size_t size_bytes = 0;
     const auto place = [&](std::size_t bytes) {
       const std::size_t at = size_bytes;
@@ -816,6 +984,11 @@ class CudaBackend final : public ComputeBackend {
     const std::size_t indices_at = place(indices * sizeof(std::uint32_t));
     const std::size_t shared_at = place(shared * sizeof(SharedInstance));
     const std::size_t posed_at = place(posed * sizeof(float));
+    const std::size_t form_at = place(forms * sizeof(Representation));
+    const std::size_t jointed_at = place(forms * sizeof(JointedInstance));
+    const std::size_t joints_at = place(joints * sizeof(element::JointMatrix));
+    const std::size_t splats_at = place(splats * sizeof(Splat));
+    const std::size_t specks_at = place(specks * sizeof(Speck));
     THRONG_CUDA_TRY(view.read_back.resize(size_bytes), "generate");
     auto* base = static_cast<std::byte*>(view.read_back.data());
     const auto fetch = [&](std::size_t at, const void* from, std::size_t bytes) {
@@ -837,6 +1010,14 @@ class CudaBackend final : public ComputeBackend {
     THRONG_CUDA_TRY(fetch(shared_at, view.shared.data(), shared * sizeof(SharedInstance)),
                     "generate");
     THRONG_CUDA_TRY(fetch(posed_at, view.posed.data(), posed * sizeof(float)), "generate");
+    THRONG_CUDA_TRY(fetch(form_at, view.representation.data(), forms * sizeof(Representation)),
+                    "generate");
+    THRONG_CUDA_TRY(fetch(jointed_at, view.jointed.data(), forms * sizeof(JointedInstance)),
+                    "generate");
+    THRONG_CUDA_TRY(fetch(joints_at, view.joints.data(), joints * sizeof(element::JointMatrix)),
+                    "generate");
+    THRONG_CUDA_TRY(fetch(splats_at, view.splats.data(), splats * sizeof(Splat)), "generate");
+    THRONG_CUDA_TRY(fetch(specks_at, view.specks.data(), specks * sizeof(Speck)), "generate");
     THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), "generate");
     view.geometry = FrameGeometry();
     view.geometry.instances = {reinterpret_cast<const VisibleInstance*>(base + instance_at),
@@ -849,6 +1030,14 @@ class CudaBackend final : public ComputeBackend {
     view.geometry.indices = {reinterpret_cast<const std::uint32_t*>(base + indices_at), indices};
     view.geometry.shared = {reinterpret_cast<const SharedInstance*>(base + shared_at), shared};
     view.geometry.posed = reinterpret_cast<const float*>(base + posed_at);
+    view.geometry.representation = {reinterpret_cast<const Representation*>(base + form_at), forms};
+    view.geometry.jointed = {reinterpret_cast<const JointedInstance*>(base + jointed_at), forms};
+    view.geometry.joints = {reinterpret_cast<const float*>(base + joints_at), 16 * joints};
+    view.geometry.splats = {reinterpret_cast<const Splat*>(base + splats_at), splats};
+    view.geometry.specks = {reinterpret_cast<const Speck*>(base + specks_at), specks};
+    view.speck_run[0] = {0, static_cast<std::uint32_t>(specks)};
+    if (specks > 0) view.geometry.speck_runs = view.speck_run;
+    if (view.speck_store != nullptr) view.geometry.speck_table = &view.speck_store->table();
     return absl::OkStatus();
   }
 
@@ -857,6 +1046,7 @@ class CudaBackend final : public ComputeBackend {
   std::mutex mutex_;  // guards what follows
   std::shared_ptr<const CudaCast> cast_;
   std::shared_ptr<const DeviceRoster> roster_;
+  std::shared_ptr<const SpeckStore> specks_;  // of the cast that was last asked for
   std::array<Staging, 3> staging_;
   std::size_t next_staging_ = 0;
 };

@@ -50,17 +50,22 @@ cudaError_t launch_scan(const std::uint32_t* from, std::uint32_t* to, std::uint3
   return cub::DeviceScan::ExclusiveSum(scratch, scratch_bytes, from, to, count, stream);
 }
 
-cudaError_t launch_cull(const CullJob& job, void* scratch, std::size_t scratch_bytes,
+cudaError_t launch_mask(const CullJob& job, void* scratch, std::size_t scratch_bytes,
                         cudaStream_t stream) {
   if (job.slots == 0) return cudaMemsetAsync(job.counters, 0, sizeof *job.counters, stream);
   const std::uint32_t blocks = (job.slots + kThreads - 1) / kThreads;
   THRONG_LAUNCH_APART(mask_kernel, blocks, kThreads, stream, job);
   if (const cudaError_t error = cudaGetLastError(); error != cudaSuccess) return error;
-  if (const cudaError_t error =
-          launch_scan(job.order, job.order, job.slots, scratch, scratch_bytes, stream);
-      error != cudaSuccess) {
+  return launch_scan(job.order, job.order, job.slots, scratch, scratch_bytes, stream);
+}
+
+cudaError_t launch_cull(const CullJob& job, void* scratch, std::size_t scratch_bytes,
+                        cudaStream_t stream) {
+  if (const cudaError_t error = launch_mask(job, scratch, scratch_bytes, stream);
+      error != cudaSuccess || job.slots == 0) {
     return error;
   }
+  const std::uint32_t blocks = (job.slots + kThreads - 1) / kThreads;
   THRONG_LAUNCH_APART(compact_kernel, blocks, kThreads, stream, job);
   return cudaGetLastError();
 }

@@ -26,6 +26,16 @@ struct DeviceFrame final : DeviceGeometry {
   std::uint64_t triangles_drawn = 0;       // of all instances, those of posed meshes too
   const SharedInstance* shared = nullptr;  // [V]; null: batched
   const float* posed = nullptr;
+  // forms other than meshes
+  const Representation* representation = nullptr;  // [V]; null: all are meshes
+  const JointedInstance* jointed = nullptr;        // [V] where representation is not null
+  const float* joints = nullptr;
+  const Splat* splats = nullptr;
+  std::uint32_t splat_count = 0;
+  const Speck* specks = nullptr;
+  std::uint32_t speck_count = 0;
+  const SpeckImage* speck_image = nullptr;  // of the cast
+  const SpeckSlab* speck_slab = nullptr;    // [SpeckLevels::kSlabs] of each image
 };
 
 }  // namespace throng::render::cuda

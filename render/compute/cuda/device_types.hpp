@@ -4,6 +4,7 @@
 #include <glm/glm.hpp>
 
 #include "render/compute/element/advance.hpp"
+#include "render/compute/element/forms.hpp"
 #include "render/compute/element/frustum.hpp"
 #include "render/compute/element/gait.hpp"
 #include "render/compute/element/held_pose.hpp"
@@ -11,6 +12,8 @@
 #include "render/compute/element/selection.hpp"
 #include "render/compute/element/shared_pose.hpp"
 #include "render/compute/element/skinning.hpp"
+#include "render/compute/element/speck.hpp"
+#include "render/compute/element/speck_slab.hpp"
 #include "throng/render/representation.hpp"
 #include "throng/render/vertex.hpp"
 
@@ -30,6 +33,9 @@ struct DeviceCharacter {
   std::uint32_t first_matrix = 0;    // of palette: frame 0, joint 0
   std::uint32_t first_level = 0;     // of level_at, kMostLevelVertices + 1; or kNeverShares
   float height_m = 0.0F;
+  std::uint32_t first_point = 0, point_count = 0;  // of point, point_radius_m; 0: baked without
+  std::uint32_t first_tone = 0;                    // of point_tone
+  std::uint32_t has_relief = 0;
   static constexpr std::uint32_t kNeverShares = 0xffffffffU;
 };
 inline constexpr std::uint32_t kMostLevelVertices = 1024;
@@ -37,6 +43,11 @@ inline constexpr std::uint32_t kMostLevelVertices = 1024;
 /// A level of detail that agents with shared poses are drawn with (LevelTable).
 struct DeviceLevel {
   std::uint32_t vertex_count = 0, triangle_count = 0, first_triangle = 0;
+};
+
+/// What a point shows, as PointTone.
+struct DevicePointTone {
+  std::uint32_t base = 0, regions = 0;
 };
 
 /// All characters' sections, one array a kind.
@@ -52,6 +63,10 @@ struct DeviceCast {
   const DeviceLevel* level = nullptr;
   const std::uint32_t* level_corners = nullptr;  // three vertices in bits 0, 10 and 20
   const std::uint32_t* level_at = nullptr;       // finest level within so many vertices
+  const std::uint32_t* error_count = nullptr;    // [characters][element::kErrorSteps] ErrorTable
+  const element::SourceVertex* point = nullptr;
+  const float* point_radius_m = nullptr;
+  const DevicePointTone* point_tone = nullptr;
 };
 
 /// What glDrawElementsIndirect takes.
@@ -63,7 +78,7 @@ struct DrawCommand {
 
 /// What the host reads back once a frame.
 struct DeviceCounters {
-  std::uint32_t visible = 0;      // V
+  std::uint32_t visible = 0;      // V, without specks and who is left out
   std::uint32_t surrounding = 0;  // of them no agents
   std::uint64_t vertices = 0, triangles = 0;
   std::uint64_t effective_budget = 0;
@@ -74,6 +89,14 @@ struct DeviceCounters {
   // posed meshes that are wanted, and of them those that are not there
   std::uint64_t all_values = 0, new_values = 0;
   std::uint64_t all_meshes = 0, new_meshes = 0;
+  // forms other than meshes
+  std::uint32_t specks = 0;
+  std::uint64_t left_out = 0;
+  std::uint64_t drawn_as[kRepresentations] = {};  // listed agents
+  std::uint32_t farthest = 0;                     // of those, the distance's bits
+  std::uint32_t palettes = 0;                     // joints to be posed, by how many figures
+  std::uint64_t joints = 0, splats = 0;
+  std::uint32_t pointed = 0;  // agents drawn as points
 };
 
 struct AdvanceJob {
@@ -99,11 +122,25 @@ struct CullJob {
   DeviceCounters* counters = nullptr;  // [1] visible is written
 };
 
+/// The mixed frame's split of who is seen: the list, specks, and those that others stand for.
+struct SplitJob {
+  CullJob cull;
+  DeviceCast cast;
+  element::SpeckRule rule;
+  element::Bracketed moment;
+  const std::uint8_t* has_images = nullptr;  // by character
+  std::uint8_t* fate = nullptr;              // [I] 0: not seen, else 1 + element::SpeckFate
+  std::uint32_t* speck_order = nullptr;      // [I] place among the specks
+  Speck* specks = nullptr;                   // [I], the first DeviceCounters::specks are written
+};
+
 /// On the device from the first deal to the last; nothing of it is read back.
 struct SelectSums {
   std::uint64_t shares = 0, least = 0, most = 0;
   element::Deal deal;
   element::RateSearch search;
+  element::ErrorSearch error_search;  // of the mixed frame
+  std::uint64_t error_vertices = 0;
 };
 
 struct SelectJob {
@@ -115,6 +152,12 @@ struct SelectJob {
   element::Frustum frustum;
   bool share_poses = false;
   bool fused = false;  // who shares a pose has nothing in the batched arrays
+  float pose_error_px = element::kSharedErrorPx;
+  FormRule form = FormRule::kMesh;
+  MixedForms mixed{};
+  float point_size_px = 1.0F;
+  std::uint32_t agents = 0;                       // slots from here on are surroundings
+  Representation* representation = nullptr;       // [I]; null: all are meshes
   const element::InstanceState* state = nullptr;  // [I]
   VisibleInstance* visible = nullptr;
   const float* distance_m = nullptr;
@@ -152,17 +195,40 @@ struct PosedJob {
   const VisibleInstance* visible = nullptr;
   const element::InstanceState* state = nullptr;
   const std::uint8_t* tier = nullptr;
-  std::uint32_t* mesh = nullptr;        // [I] number of the mesh, or kNoMesh
-  std::uint32_t* wanted = nullptr;      // [M] vertices at least
-  PosedMesh* table = nullptr;           // [M]
-  std::uint32_t* size = nullptr;        // [M] values to be made, then where they begin
-  std::uint32_t* is_made = nullptr;     // [M] 1, then place in `list`
-  std::uint32_t* list = nullptr;        // [M] meshes to be made
-  float* posed = nullptr;               // values
-  DeviceCounters* counters = nullptr;   // [1]
-  bool from_scratch = false;            // forget what is there
-  std::uint32_t used = 0, to_make = 0;  // values there before; meshes
+  const Representation* representation = nullptr;  // [V]; null: all are meshes
+  std::uint32_t* mesh = nullptr;                   // [I] number of the mesh, or kNoMesh
+  std::uint32_t* wanted = nullptr;                 // [M] vertices at least
+  PosedMesh* table = nullptr;                      // [M]
+  std::uint32_t* size = nullptr;                   // [M] values to be made, then where they begin
+  std::uint32_t* is_made = nullptr;                // [M] 1, then place in `list`
+  std::uint32_t* list = nullptr;                   // [M] meshes to be made
+  float* posed = nullptr;                          // values
+  DeviceCounters* counters = nullptr;              // [1]
+  bool from_scratch = false;                       // forget what is there
+  std::uint32_t used = 0, to_make = 0;             // values there before; meshes
   static constexpr std::uint32_t kNoMesh = 0xffffffffU;
+};
+
+/// Joints of impostors and the points of who is drawn so. Agents in one pose share their joints:
+/// palettes are numbered by agent, then by M = characters * kSharedPoses shared poses.
+struct FormsJob {
+  DeviceCast cast;
+  std::uint32_t slots = 0;
+  std::uint32_t poses = 0;  // M; 0: no pose is shared
+  std::uint32_t most_joints = 0;
+  const VisibleInstance* visible = nullptr;
+  const element::InstanceState* state = nullptr;
+  const std::uint8_t* tier = nullptr;
+  const Representation* representation = nullptr;  // [V]
+  JointedInstance* jointed = nullptr;              // [I]
+  std::uint32_t* first_joint = nullptr;  // [I+M+1] joints of each palette, then where they begin
+  std::uint32_t* palettes = nullptr;     // [I+M] those that are wanted, in any order
+  std::uint32_t* first_splat = nullptr;  // [I+1] points of each agent, then where they begin
+  std::uint32_t* pointed = nullptr;      // [I] agents with points, in any order
+  element::JointMatrix* joints = nullptr;
+  Splat* splats = nullptr;
+  DeviceCounters* counters = nullptr;       // [1]
+  std::uint32_t to_pose = 0, to_point = 0;  // how many there are in the two lists
 };
 
 struct GenerateJob {

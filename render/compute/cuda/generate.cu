@@ -21,7 +21,8 @@ __global__ void list_kernel(GenerateJob job) {
   if (job.mesh[i] != PosedJob::kNoMesh) {
     const VisibleInstance& instance = job.instance[i];
     const PosedMesh mesh = job.table[job.mesh[i]];
-    const element::Placement& placement = job.state[instance.slot].placement;
+    const element::Placement placement =
+        element::shared_placement(job.state[instance.slot].placement, instance.scale);
     const std::uint32_t first = job.cast.character[instance.character].first_level;
     shared = {job.cast.level_at[first + instance.vertex_count],
               mesh.first,
@@ -37,7 +38,8 @@ __global__ void list_kernel(GenerateJob job) {
 __device__ void place_shared(const GenerateJob& job, std::uint32_t visible,
                              const VisibleInstance& instance, const DeviceCharacter& character) {
   const PosedMesh mesh = job.table[job.mesh[visible]];
-  const element::Placement placement = job.state[instance.slot].placement;
+  const element::Placement placement =
+      element::shared_placement(job.state[instance.slot].placement, instance.scale);
   const float* column = job.posed + mesh.first + kPosedHeader;
   const std::uint32_t first_vertex = job.vertex_offset[visible];
   for (std::uint32_t i = threadIdx.x; i < instance.vertex_count; i += kThreads) {

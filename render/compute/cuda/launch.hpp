@@ -17,12 +17,31 @@ cudaError_t launch_advance(const AdvanceJob& job, cudaStream_t stream);
 cudaError_t launch_cull(const CullJob& job, void* scratch, std::size_t scratch_bytes,
                         cudaStream_t stream);
 
+/// Only the mask and its prefix sum.
+cudaError_t launch_mask(const CullJob& job, void* scratch, std::size_t scratch_bytes,
+                        cudaStream_t stream);
+
+/// After launch_mask: the visible list without specks, and the specks, both in the order of slots.
+cudaError_t launch_split(const SplitJob& job, void* scratch, std::size_t scratch_bytes,
+                         cudaStream_t stream);
+
 /// Exclusive prefix sum of `count` numbers.
 cudaError_t launch_scan(const std::uint32_t* from, std::uint32_t* to, std::uint32_t count,
                         void* scratch, std::size_t scratch_bytes, cudaStream_t stream);
 
 /// Equation 1's shares, the rate that fits the budget, counts and their prefix sums.
 cudaError_t launch_select(const SelectJob& job, cudaStream_t stream);
+
+/// The mixed frame's: forms, and vertex counts by error.
+cudaError_t launch_mix(const SelectJob& job, cudaStream_t stream);
+
+/// Which palettes and points the other forms want, and where they go. `counters` then tells the
+/// host.
+cudaError_t launch_want_forms(const FormsJob& job, void* scratch, std::size_t scratch_bytes,
+                              cudaStream_t stream);
+
+/// Joints and points themselves.
+cudaError_t launch_make_forms(const FormsJob& job, cudaStream_t stream);
 
 /// Exclusive prefix sums of vertex and triangle counts [V+1] and their totals.
 cudaError_t launch_allocate(const AllocateJob& job, void* scratch, std::size_t scratch_bytes,

@@ -21,6 +21,7 @@ __global__ void want_kernel(PosedJob job) {
   if (i >= job.counters->visible) return;
   job.mesh[i] = PosedJob::kNoMesh;
   if (job.tier[i] == element::kOwnPose) return;
+  if (job.representation != nullptr && job.representation[i] != Representation::kMesh) return;
   const VisibleInstance& instance = job.visible[i];
   const std::uint32_t pose = element::shared_pose_of(
       job.state[instance.slot].pose, job.cast.character[instance.character].gait, job.tier[i]);

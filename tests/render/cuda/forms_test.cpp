@@ -1,4 +1,6 @@
 // Forms other than meshes by CUDA: the processor's picture of the same geometry.
+#include <cstring>
+
 #include "render/cuda/frame_scene.hpp"
 #include "simplify/impostor/relief.hpp"
 #include "simplify/points/points.hpp"
@@ -82,6 +84,150 @@ INSTANTIATE_TEST_SUITE_P(Impostors, CudaFormsTest,
                          testing::ValuesIn(scenes_of(FormRule::kImpostor)), scene_name);
 INSTANTIATE_TEST_SUITE_P(Points, CudaFormsTest, testing::ValuesIn(scenes_of(FormRule::kPoints)),
                          scene_name);
+
+template <typename T>
+void expect_same_bytes(std::span<const T> cpu, std::span<const T> cuda, const char* what) {
+  ASSERT_EQ(cpu.size(), cuda.size()) << what;
+  for (std::size_t i = 0; i < cpu.size(); ++i) {
+    ASSERT_EQ(std::memcmp(&cpu[i], &cuda[i], sizeof(T)), 0) << what << ", element " << i;
+  }
+}
+
+std::vector<Speck> specks_of(const FrameGeometry& geometry) {
+  std::vector<Speck> specks;
+  for (const SpeckRun& run : geometry.speck_runs) {
+    const auto own = geometry.specks.subspan(run.first, run.count);
+    specks.insert(specks.end(), own.begin(), own.end());
+  }
+  return specks;
+}
+
+/// Chosen, posed and drawn by CUDA.
+class CudaOwnFormsTest : public CudaFormsTest {};
+
+TEST_P(CudaOwnFormsTest, AreThoseOfTheProcessor) {
+  const Scene& scene = GetParam();
+  const auto cast = cast_with_forms();
+  const auto crowd = crowd_of(scene, cast);
+  Renderer cpu = Renderer::on_processor(), cuda = Renderer::on_cuda();
+  Picture expected, actual, handed_over;
+  for (Renderer* renderer : {&cpu, &cuda}) {
+    ASSERT_TRUE(renderer->upload(cast).ok());
+    absl::Status status = generate(*renderer, scene, *crowd, {});
+    ASSERT_TRUE(status.ok()) << status;
+    status = draw(*renderer, renderer->backend->geometry(*renderer->view), scene,
+                  renderer == &cpu ? expected : actual);
+    ASSERT_TRUE(status.ok()) << status;
+  }
+  const FrameGeometry geometry = cpu.backend->geometry(*cpu.view);
+  ASSERT_NE(cuda.backend->geometry(*cuda.view).on_device, nullptr);
+  expect_same_picture(expected, actual);
+  if (geometry.shared.empty()) {
+    ASSERT_TRUE(draw(cuda, geometry, scene, handed_over).ok());
+    expect_same_picture(expected, handed_over);
+  }
+  const ComputeCounters counted = cpu.backend->counters(*cpu.view);
+  const ComputeCounters counters = cuda.backend->counters(*cuda.view);
+  EXPECT_EQ(counted.visible, counters.visible);
+  EXPECT_EQ(counted.vertices, counters.vertices);
+  EXPECT_EQ(counted.triangles, counters.triangles);
+  EXPECT_EQ(counted.effective_budget, counters.effective_budget);
+  EXPECT_EQ(counted.shared_poses, counters.shared_poses);
+  EXPECT_EQ(counted.farthest_m, counters.farthest_m);
+  for (std::uint32_t form = 0; form < kRepresentations; ++form) {
+    EXPECT_EQ(counted.drawn_as[form], counters.drawn_as[form]) << form;
+  }
+  if (scene.form == FormRule::kMixed) {
+    EXPECT_GT(counters.drawn_as[static_cast<std::size_t>(Representation::kSpeck)] +
+                  counters.drawn_as[static_cast<std::size_t>(Representation::kImpostor)] +
+                  counters.drawn_as[static_cast<std::size_t>(Representation::kNone)],
+              0U);
+  }
+  // what was decided, read back
+  cuda.on_device = false;
+  ASSERT_TRUE(generate(cuda, scene, *crowd, {}).ok());
+  const FrameGeometry read = cuda.backend->geometry(*cuda.view);
+  expect_same_bytes(geometry.instances, read.instances, "visible instances");
+  expect_same_bytes(geometry.representation, read.representation, "representations");
+  expect_same_bytes(geometry.splats, read.splats, "splats");
+  expect_same_bytes<Speck>(specks_of(geometry), specks_of(read), "specks");
+  expect_same_bytes(geometry.vertices, read.vertices, "vertices");
+  for (std::size_t i = 0; i < geometry.representation.size(); ++i) {
+    if (geometry.representation[i] != Representation::kImpostor) continue;
+    const JointedInstance &a = geometry.jointed[i], &b = read.jointed[i];
+    ASSERT_EQ(std::memcmp(&a.cosine_scale, &b.cosine_scale, 8), 0);
+    const std::size_t joints =
+        cast->members[geometry.instances[i].character].character.joint_count();
+    for (std::size_t k = 0; k < 16 * joints; ++k) {
+      if (k % 4 == 3) continue;
+      ASSERT_EQ(geometry.joints[std::size_t{16} * a.first_joint + k],
+                read.joints[std::size_t{16} * b.first_joint + k])
+          << i;
+    }
+  }
+  // and drawn by the processor
+  Picture through_host;
+  ASSERT_TRUE(draw(cpu, read, scene, through_host).ok());
+  EXPECT_EQ(through_host.rgbx, expected.rgbx);
+}
+
+INSTANTIATE_TEST_SUITE_P(Impostors, CudaOwnFormsTest,
+                         testing::ValuesIn(scenes_of(FormRule::kImpostor)), scene_name);
+INSTANTIATE_TEST_SUITE_P(Points, CudaOwnFormsTest, testing::ValuesIn(scenes_of(FormRule::kPoints)),
+                         scene_name);
+
+/// Of the mixed frame: specks alone and before meshes, from above, without images of their own,
+/// impostors, and agents that stand for others.
+std::vector<Scene> mixed_scenes() {
+  Scene scene{.agents = 900,
+              .side_m = 120.0,
+              .camera = {.eye_world = {0, -70, 9}, .target_world = {0, 0, 0}, .fov_y_rad = 0.9},
+              .viewport = {131, 98},
+              .pose_mode = PoseMode::kShared,
+              .geometry = GeometryKind::kFused,
+              .form = FormRule::kMixed};
+  std::vector<Scene> scenes;
+  const auto add = [&](const char* name, const auto& change) {
+    Scene own = scene;
+    own.name = name;
+    change(own);
+    scenes.push_back(own);
+  };
+  add("FromTheStreet", [](Scene&) {});
+  add("InBatchedForm", [](Scene& s) {
+    s.geometry = GeometryKind::kBatched;
+    s.pose_mode = PoseMode::kExact;
+  });
+  add("FromAbove", [](Scene& s) {
+    s.camera = {.eye_world = {3, -5, 160}, .target_world = {0, 0, 0}};
+    s.agents = 2500;
+  });
+  add("LessThanAPixel", [](Scene& s) {
+    s.camera.eye_world = {0, -900, 300};
+    s.side_m = 400;
+  });
+  add("CrowdedTiles", [](Scene& s) {  // lists that are sorted by 16 bits
+    s.agents = 4000;
+    s.side_m = 60;
+    s.camera = {.eye_world = {0, -150, 20}, .target_world = {0, 0, 0}, .fov_y_rad = 0.5};
+    s.colors = true;
+  });
+  add("Orthographic", [](Scene& s) {
+    s.camera = {.eye_world = {5, -80, 90}, .target_world = {0, 0, 0}, .ortho_height_m = 110};
+  });
+  add("ImpostorsBesideMeshes", [](Scene& s) {
+    s.mixed.specks = false;
+    s.mixed.impostor_us = 0.01F;
+    s.mixed.impostor_px2_us = 0.0001F;
+    s.camera.eye_world = {0, -160, 30};
+  });
+  add("BeyondItsBudget", [](Scene& s) {
+    s.mixed.error_px = 0.1F;
+    s.vertex_budget = 12'000;
+  });
+  return scenes;
+}
+INSTANTIATE_TEST_SUITE_P(Mixed, CudaOwnFormsTest, testing::ValuesIn(mixed_scenes()), scene_name);
 
 TEST_F(CudaFormsTest, SplatsOfNobodyStandBesideMeshesAndAlone) {
   const Scene scene{.agents = 30};

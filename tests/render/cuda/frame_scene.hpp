@@ -56,6 +56,7 @@ struct Scene {
   PoseMode pose_mode = PoseMode::kExact;
   GeometryKind geometry = GeometryKind::kBatched;
   FormRule form = FormRule::kMesh;
+  MixedForms mixed = {};
   MotionUpdate motion = {};
 };
 
@@ -116,6 +117,7 @@ inline absl::Status generate(Renderer& renderer, const Scene& scene, const Crowd
   selection.pose_mode = scene.pose_mode;
   selection.geometry = scene.geometry;
   selection.form = scene.form;
+  selection.mixed = scene.mixed;
   selection.motion = scene.motion;
   if (status.ok()) status = backend.select(*renderer.view, selection);
   if (status.ok()) status = backend.allocate(*renderer.view);

@@ -134,18 +134,8 @@ void DrawSpecks(const SpeckBatch& batch, const SpeckScene& scene, const SpeckLig
     const PlacedSpeck& placed = batch.placed[e];
     const SpeckImage& image = batch.table->image[placed.image];
     const float size_y = placed.size * light.tall[element::elevation_of_image(placed.image)];
-    const float up_low = placed.y - size_y * image.y_high - static_cast<float>(y_px);
-    const float up_high = placed.y - size_y * image.y_low - static_cast<float>(y_px);
-    const float lean_low = placed.lean * size_y * image.y_low;
-    const float lean_high = placed.lean * size_y * image.y_high;
-    const float left = placed.x + placed.size * image.x_low + std::min(lean_low, lean_high) -
-                       static_cast<float>(x_px);
-    const float right = placed.x + placed.size * image.x_high + std::max(lean_low, lean_high) -
-                        static_cast<float>(x_px);
-    const int x0 = std::max(static_cast<int>(std::floor(left)), 0);
-    const int x1 = std::min(static_cast<int>(std::floor(right)), kTilePx - 1);
-    const int y0 = std::max(static_cast<int>(std::floor(up_low)), 0);
-    const int y1 = std::min(static_cast<int>(std::floor(up_high)), kTilePx - 1);
+    const element::SpeckPixels box = element::speck_pixels(placed, image, size_y, x_px, y_px);
+    const int x0 = box.x_low, x1 = box.x_high, y0 = box.y_low, y1 = box.y_high;
     if (x0 > x1 || y0 > y1) continue;
     // is anything of it seen?
     const float depth = placed.depth;

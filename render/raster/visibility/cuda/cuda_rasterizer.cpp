@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "render/compute/cpu/levels.hpp"
+#include "render/compute/cpu/speck_table.hpp"
 #include "render/compute/cuda/device.hpp"
 #include "render/compute/cuda/device_frame.hpp"
 #include "render/compute/cuda/graph.hpp"
@@ -71,7 +72,7 @@ class CudaRasterizer final : public Rasterizer {
   }
   bool takes_device() const override { return true; }
   bool takes_fused() const override { return true; }
-  bool draws(Representation form) const override { return form <= Representation::kPoints; }
+  bool draws(Representation form) const override { return form <= Representation::kSpeck; }
   RasterCounters counters() const override { return counters_; }
   absl::Status keep_facts(PixelFacts* facts) override {
     facts_ = facts;
@@ -109,6 +110,18 @@ class CudaRasterizer final : public Rasterizer {
           jointed(s),
           joints(s),
           splats(s),
+          specks(s),
+          speck_image(s),
+          speck_slab(s),
+          placed_specks(s),
+          first_entry(s),
+          first_of_tile(s),
+          nearest(s),
+          farthest(s),
+          speck_key{DeviceBuffer<Word>(s), DeviceBuffer<Word>(s)},
+          speck_number{DeviceBuffer<std::uint32_t>(s), DeviceBuffer<std::uint32_t>(s)},
+          speck_light(s),
+          speck_through(s),
           shade(s),
           block_count(s),
           first_block(s),
@@ -155,7 +168,16 @@ class CudaRasterizer final : public Rasterizer {
     DeviceBuffer<JointedInstance> jointed;
     DeviceBuffer<float> joints;
     DeviceBuffer<Splat> splats;
+    DeviceBuffer<Speck> specks;
+    DeviceBuffer<SpeckImage> speck_image;  // of `speck_cast_`
+    DeviceBuffer<SpeckSlab> speck_slab;
     // the frame's
+    DeviceBuffer<element::PlacedSpeck> placed_specks;
+    DeviceBuffer<std::uint32_t> first_entry, first_of_tile, nearest, farthest;
+    DeviceBuffer<Word> speck_key[2];
+    DeviceBuffer<std::uint32_t> speck_number[2];
+    DeviceBuffer<glm::vec4> speck_light;
+    DeviceBuffer<float> speck_through;
     DeviceBuffer<InstanceShade> shade;
     DeviceBuffer<std::uint32_t> block_count, first_block, block_instance;
     DeviceBuffer<std::uint32_t> own_blocks, small_units, large_units;
@@ -174,17 +196,21 @@ class CudaRasterizer final : public Rasterizer {
     DeviceBuffer<std::uint32_t> fact_instance;
     DeviceBuffer<FactBox> fact_bounds;
     DeviceBuffer<std::byte> scratch;
-    PinnedBuffer read_back;  // the counts
+    PinnedBuffer read_back;     // the counts
+    PinnedBuffer read_entries;  // how many entries the lists of specks have
 
     std::uint64_t size_bytes() const {
       const auto sum = [](const auto&... buffer) { return (buffer.size_bytes() + ...); };
       return sum(character, texels, flags, level, level_corners, level_at, uv, tones, band,
                  corner_tones, relief_member, relief_box, relief_shape, relief_base, relief_regions,
-                 representation, jointed, joints, splats, own_blocks, small_units, large_units,
-                 instance, vertex_offset, triangle_offset, vertices, indices, shade, block_count,
-                 first_block, block_instance, projected, special, large, tiles, candidates, casters,
-                 blobs, blob_tiles, counts, words, shadow, blob_shadow, figure_first, figure_next,
-                 fact_depth, fact_instance, fact_bounds, scratch);
+                 representation, jointed, joints, splats, specks, speck_image, speck_slab,
+                 placed_specks, first_entry, first_of_tile, nearest, farthest, speck_key[0],
+                 speck_key[1], speck_number[0], speck_number[1], speck_light, speck_through,
+                 own_blocks, small_units, large_units, instance, vertex_offset, triangle_offset,
+                 vertices, indices, shade, block_count, first_block, block_instance, projected,
+                 special, large, tiles, candidates, casters, blobs, blob_tiles, counts, words,
+                 shadow, blob_shadow, figure_first, figure_next, fact_depth, fact_instance,
+                 fact_bounds, scratch);
     }
   };
 
@@ -210,6 +236,8 @@ class CudaRasterizer final : public Rasterizer {
   absl::Status check(const FrameGeometry& geometry, const Viewport& viewport) const;
   absl::Status take_geometry(const FrameGeometry& geometry, RasterJob& job);
   absl::Status take_splats(std::span<const Splat> splats, RasterJob& job);
+  absl::Status take_specks(const FrameGeometry& geometry, RasterJob& job);
+  absl::Status place_specks(RasterJob& job);
   absl::Status make_room(RasterJob& job, std::uint32_t most_blocks);
   absl::Status run(const RasterJob& job, std::uint32_t most_blocks, cudaStream_t stream,
                    bool recorded);
@@ -223,6 +251,7 @@ class CudaRasterizer final : public Rasterizer {
   cudaEvent_t began_ = nullptr, ended_ = nullptr;  // for the time
   std::string device_name_;
   std::shared_ptr<const Cast> cast_;
+  std::shared_ptr<const CastTable> speck_cast_;  // whose pictures the processor handed over last
   std::unique_ptr<Buffers> buffers_;
   RasterCast device_cast_;
   RasterCounters counters_;
@@ -343,8 +372,13 @@ absl::Status CudaRasterizer::check(const FrameGeometry& geometry, const Viewport
     return absl::ResourceExhaustedError(
         absl::StrCat(kDraw, ": ", geometry.splats.size(), " splats, at most ", kMostSplats));
   }
-  if (!geometry.speck_runs.empty()) {
-    return absl::UnimplementedError(absl::StrCat(kDraw, ": draws no specks"));
+  for (const SpeckRun& run : geometry.speck_runs) {
+    if (geometry.speck_table == nullptr ||
+        std::uint64_t{run.first} + run.count > geometry.specks.size()) {
+      return absl::InvalidArgumentError(absl::StrCat(kDraw, ": specks ", run.first, " + ",
+                                                     run.count, ", must end by ",
+                                                     geometry.specks.size(), " and have a table"));
+    }
   }
   if (geometry.on_device != nullptr) return absl::OkStatus();
   const std::size_t count = geometry.instances.size();
@@ -384,10 +418,101 @@ absl::Status CudaRasterizer::check(const FrameGeometry& geometry, const Viewport
   return absl::OkStatus();
 }
 
+/// Those that the host has, then those that were made on the device.
 absl::Status CudaRasterizer::take_splats(std::span<const Splat> splats, RasterJob& job) {
   if (splats.empty()) return absl::OkStatus();
-  THRONG_CUDA_TRY(copy(splats.data(), splats.size(), buffers_->splats, job.splats), kDraw);
-  job.splat_count = static_cast<std::uint32_t>(splats.size());
+  const Splat* own = job.splats;
+  const std::size_t count = splats.size() + job.splat_count;
+  if (count > kMostSplats) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat(kDraw, ": ", count, " splats, at most ", kMostSplats));
+  }
+  DeviceBuffer<Splat>& all = buffers_->splats;
+  THRONG_CUDA_TRY(all.resize(count), kDraw);
+  THRONG_CUDA_TRY(cudaMemcpyAsync(all.data(), splats.data(), splats.size_bytes(),
+                                  cudaMemcpyHostToDevice, stream_),
+                  kDraw);
+  if (job.splat_count > 0) {
+    THRONG_CUDA_TRY(
+        cudaMemcpyAsync(all.data() + splats.size(), own, job.splat_count * sizeof(Splat),
+                        cudaMemcpyDeviceToDevice, stream_),
+        kDraw);
+  }
+  job.splats = all.data();
+  job.splat_count = static_cast<std::uint32_t>(count);
+  return absl::OkStatus();
+}
+
+/// Specks from the host; their table is copied when it is another cast's.
+absl::Status CudaRasterizer::take_specks(const FrameGeometry& geometry, RasterJob& job) {
+  std::size_t count = 0;
+  for (const SpeckRun& run : geometry.speck_runs) count += run.count;
+  if (count == 0) return absl::OkStatus();
+  Buffers& b = *buffers_;
+  const SpeckTable& table = *geometry.speck_table;
+  if (speck_cast_ == nullptr || speck_cast_ != table.cast) {
+    THRONG_CUDA_TRY(copy(table.image.data(), table.image.size(), b.speck_image, job.speck_image),
+                    kDraw);
+    THRONG_CUDA_TRY(copy(table.slab.data(), table.slab.size(), b.speck_slab, job.speck_slab),
+                    kDraw);
+    THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), kDraw);  // the table may go
+    speck_cast_ = table.cast;
+  }
+  job.speck_image = b.speck_image.data();
+  job.speck_slab = b.speck_slab.data();
+  THRONG_CUDA_TRY(b.specks.resize(count), kDraw);
+  Speck* to = b.specks.data();
+  for (const SpeckRun& run : geometry.speck_runs) {
+    THRONG_CUDA_TRY(cudaMemcpyAsync(to, geometry.specks.data() + run.first,
+                                    run.count * sizeof(Speck), cudaMemcpyHostToDevice, stream_),
+                    kDraw);
+    to += run.count;
+  }
+  job.specks = b.specks.data();
+  job.speck_count = static_cast<std::uint32_t>(count);
+  return absl::OkStatus();
+}
+
+/// Where specks are on the picture. The host waits for the one number that says how much room the
+/// tiles' lists need.
+absl::Status CudaRasterizer::place_specks(RasterJob& job) {
+  if (job.speck_count == 0) return absl::OkStatus();
+  Buffers& b = *buffers_;
+  const auto tiles = [](std::uint32_t px) {
+    return (px + element::kSpeckTilePx - 1) / element::kSpeckTilePx;
+  };
+  job.speck_tiles_x = tiles(job.width_px);
+  job.speck_tiles = job.speck_tiles_x * tiles(job.height_px);
+  THRONG_CUDA_TRY(give(b.placed_specks, job.speck_count, job.placed_specks), kDraw);
+  THRONG_CUDA_TRY(give(b.first_entry, std::size_t{job.speck_count} + 1, job.first_entry), kDraw);
+  THRONG_CUDA_TRY(give(b.first_of_tile, std::size_t{job.speck_tiles} + 1, job.first_of_tile),
+                  kDraw);
+  THRONG_CUDA_TRY(give(b.nearest, job.speck_tiles, job.nearest), kDraw);
+  THRONG_CUDA_TRY(give(b.farthest, job.speck_tiles, job.farthest), kDraw);
+  std::size_t scratch_bytes = 0;
+  THRONG_CUDA_TRY(render::cuda::scan_scratch_bytes(std::max(job.speck_count, job.speck_tiles) + 1,
+                                                   scratch_bytes),
+                  kDraw);
+  THRONG_CUDA_TRY(b.scratch.resize(scratch_bytes), kDraw);
+  THRONG_CUDA_TRY(b.read_entries.resize(sizeof(std::uint32_t)), kDraw);
+  THRONG_CUDA_TRY(launch_place_specks(job, b.scratch.data(), b.scratch.size_bytes(), stream_),
+                  kDraw);
+  THRONG_CUDA_TRY(cudaMemcpyAsync(b.read_entries.data(), job.first_entry + job.speck_count,
+                                  sizeof(std::uint32_t), cudaMemcpyDeviceToHost, stream_),
+                  kDraw);
+  THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), kDraw);
+  std::memcpy(&job.speck_entries, b.read_entries.data(), sizeof job.speck_entries);
+  if (job.speck_entries == 0) return absl::OkStatus();
+  for (int k = 0; k < 2; ++k) {
+    THRONG_CUDA_TRY(give(b.speck_key[k], job.speck_entries, job.speck_key[k]), kDraw);
+    THRONG_CUDA_TRY(give(b.speck_number[k], job.speck_entries, job.speck_number[k]), kDraw);
+  }
+  THRONG_CUDA_TRY(speck_scratch_bytes(job.speck_entries, scratch_bytes), kDraw);
+  THRONG_CUDA_TRY(b.scratch.resize(scratch_bytes), kDraw);
+  const std::size_t pixels = std::size_t{job.width_px} * job.height_px;
+  const std::size_t words = std::size_t{16} * job.word_blocks_x * ((2 * job.height_px + 3) / 4);
+  THRONG_CUDA_TRY(give(b.speck_light, pixels, job.speck_light), kDraw);
+  THRONG_CUDA_TRY(give(b.speck_through, words, job.speck_through), kDraw);
   return absl::OkStatus();
 }
 
@@ -411,8 +536,18 @@ absl::Status CudaRasterizer::take_geometry(const FrameGeometry& geometry, Raster
     job.triangle_offset = frame->triangle_offset;
     job.vertices = frame->vertices;
     job.indices = frame->indices;
+    job.representation = frame->representation;
+    job.jointed = frame->jointed;
+    job.joints = frame->joints;
+    job.splats = frame->splats;
+    job.splat_count = frame->splat_count;
+    job.specks = frame->specks;
+    job.speck_count = frame->speck_count;
+    job.speck_image = frame->speck_image;
+    job.speck_slab = frame->speck_slab;
     return absl::OkStatus();
   }
+  if (absl::Status status = take_specks(geometry, job); !status.ok()) return status;
   Buffers& b = *buffers_;
   const std::size_t count = geometry.instances.size();
   if (count == 0) return absl::OkStatus();
@@ -521,6 +656,7 @@ absl::Status CudaRasterizer::run(const RasterJob& job, std::uint32_t most_blocks
     THRONG_CUDA_TRY(launch_large(job, stream), kDraw);
   }
   THRONG_CUDA_TRY(moments_.record(kTrianglesEnd, stream, recorded), kDraw);
+  THRONG_CUDA_TRY(launch_specks(job, b.scratch.data(), b.scratch.size_bytes(), stream), kDraw);
   THRONG_CUDA_TRY(launch_resolve(job, stream), kDraw);
   THRONG_CUDA_TRY(moments_.record(kResolveEnds, stream, recorded), kDraw);
   THRONG_CUDA_TRY(launch_facts(job, stream), kDraw);
@@ -596,8 +732,10 @@ absl::Status CudaRasterizer::draw(const FrameGeometry& geometry, const Camera& c
   job.relief_search.linear_steps = std::clamp(job.relief_search.linear_steps, 1U, 1024U);
   job.relief_search.binary_steps = std::min(job.relief_search.binary_steps, 32U);
   job.view_from_relative = glm::mat3(view_from_relative(camera));
+  job.camera_up = glm::transpose(job.view_from_relative)[1];
   if (absl::Status status = take_geometry(geometry, job); !status.ok()) return status;
   if (absl::Status status = take_splats(geometry.splats, job); !status.ok()) return status;
+  if (absl::Status status = place_specks(job); !status.ok()) return status;
   // of batched geometry made by hand, instances may not say what is theirs
   const std::uint64_t triangles = std::max<std::uint64_t>(job.triangles_drawn, job.triangles_total);
   const std::uint64_t most_blocks =

@@ -2,6 +2,8 @@
 
 #include <cuda_runtime_api.h>
 
+#include <cstddef>
+
 #include "render/raster/visibility/cuda/raster_types.hpp"
 
 // Every launch is asynchronous on `stream` and returns what the runtime said of it.
@@ -24,6 +26,18 @@ cudaError_t launch_forms(const RasterJob& job, cudaStream_t stream);
 
 /// Triangles that raster and shadows left to whole tiles.
 cudaError_t launch_large(const RasterJob& job, cudaStream_t stream);
+
+/// Specks to where they are on the picture, and how many entries all tiles' lists have:
+/// first_entry[S].
+cudaError_t launch_place_specks(const RasterJob& job, void* scratch, std::size_t scratch_bytes,
+                                cudaStream_t stream);
+
+/// Bytes of scratch memory that sorting so many entries wants.
+cudaError_t speck_scratch_bytes(std::uint32_t entries, std::size_t& bytes);
+
+/// Specks near to far over what `words` show, before launch_resolve.
+cudaError_t launch_specks(const RasterJob& job, void* scratch, std::size_t scratch_bytes,
+                          cudaStream_t stream);
 
 /// Words and shadows to `pixels`.
 cudaError_t launch_resolve(const RasterJob& job, cudaStream_t stream);

@@ -12,6 +12,7 @@
 #include "render/raster/visibility/element/relief.hpp"
 #include "render/raster/visibility/element/shade.hpp"
 #include "render/raster/visibility/element/shadow.hpp"
+#include "render/raster/visibility/element/speck.hpp"
 #include "render/raster/visibility/element/splat.hpp"
 #include "throng/render/representation.hpp"
 #include "throng/render/vertex.hpp"
@@ -142,6 +143,24 @@ struct RasterJob {
   const Splat* splats = nullptr;
   std::uint32_t splat_count = 0;
   glm::mat3 view_from_relative{1.0F};
+
+  // agents of a few pixels
+  const Speck* specks = nullptr;  // [S]
+  std::uint32_t speck_count = 0;
+  const SpeckImage* speck_image = nullptr;
+  const SpeckSlab* speck_slab = nullptr;  // [SpeckLevels::kSlabs] of each image
+  glm::vec3 camera_up{0.0F, 0.0F, 1.0F};
+  std::uint32_t speck_tiles_x = 0, speck_tiles = 0;  // T of kSpeckTilePx
+  std::uint32_t speck_entries = 0;                   // E: of all tiles' lists
+  element::PlacedSpeck* placed_specks = nullptr;     // [S]
+  std::uint32_t* first_entry = nullptr;              // [S+1] tiles of each, then their prefix sum
+  std::uint32_t* first_of_tile = nullptr;            // [T+1] specks of each, then their prefix sum
+  std::uint32_t *nearest = nullptr, *farthest = nullptr;  // [T] complements of depths' bits
+  Word* speck_key[2] = {};              // [E] tile and depth: as they come, and sorted
+  std::uint32_t* speck_number[2] = {};  // [E]
+  // what they leave: r g b of what they show, and the share of light that their shadows take
+  glm::vec4* speck_light = nullptr;  // [pixels]
+  float* speck_through = nullptr;    // of what is behind them, by sample as words
 
   // of the frame
   InstanceShade* shade = nullptr;           // [V]

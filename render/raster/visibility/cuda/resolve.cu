@@ -127,6 +127,14 @@ __device__ glm::vec3 shade_relief(const RasterJob& job, std::uint32_t i, std::ui
                                 job.cast.relief_regions[texel], hit.normal, hit.relative);
 }
 
+/// Whether a pixel's tile has specks.
+__device__ bool has_specks(const RasterJob& job, std::uint32_t x, std::uint32_t y) {
+  if (job.speck_entries == 0) return false;
+  const std::uint32_t tile =
+      y / element::kSpeckTilePx * job.speck_tiles_x + x / element::kSpeckTilePx;
+  return job.first_of_tile[tile + 1] != job.first_of_tile[tile];
+}
+
 /// One pixel: each instance seen in its four samples is shaded once, where its samples are on the
 /// average; the rest is ground or sky.
 __global__ void __launch_bounds__(kTileX* kTileY) resolve_kernel(RasterJob job) {
@@ -191,7 +199,21 @@ __global__ void __launch_bounds__(kTileX* kTileY) resolve_kernel(RasterJob job) 
       color = color + one * (0.25F * samples);
     }
   }
+  float covered = 0.0F;  // by the shadows of specks
+  if (has_specks(job, x, y)) {
+    float behind = 0.0F, figures = 0.0F, samples = 0.0F;
+    for (std::uint32_t k = 0; k < 4; ++k) {
+      const bool is_figure = has_words(job) && job.words[at + k] != 0;
+      (is_figure ? figures : behind) += job.speck_through[at + k];
+      samples += is_figure ? 1.0F : 0.0F;
+    }
+    const glm::vec4 light = job.speck_light[static_cast<std::size_t>(y) * job.width_px + x];
+    color = color * (samples > 0.0F ? figures / samples : 1.0F) + glm::vec3(light);
+    background = 0.25F * behind;
+    covered = light.w;
+  }
   if (background > 0.0F) {
+    missing += (1.0F - missing) * covered;
     const glm::vec3 ground =
         element::shade_background(job.scene, static_cast<int>(x), static_cast<int>(y));
     color = color + (ground * (1.0F - missing)) * background;

@@ -368,4 +368,49 @@ THRONG_HOST_DEVICE inline SpeckShadow speck_shadow(const SpeckLight& light) {
   return shadow;
 }
 
+/// The share of light that a speck's shadow takes at a pixel.
+/// @param x, y  the pixel and the feet, both from the tile's corner.
+THRONG_HOST_DEVICE inline float speck_shadow_at(const SpeckShadow& shadow, float strength,
+                                                float size, float feet_x, float feet_y, int x,
+                                                int y) {
+  const float u = shadow.is_tall ? feet_y : feet_x, v = shadow.is_tall ? feet_x : feet_y;
+  const auto i = static_cast<float>(shadow.is_tall ? y : x);
+  const auto j = static_cast<float>(shadow.is_tall ? x : y);
+  const float length = shadow.run * size;
+  const float low = u + least(length, 0.0F), high = u + most(length, 0.0F);
+  if (i < std::floor(low) || i > std::floor(high)) return 0.0F;
+  const float from_u = most(low, i), to_u = least(high, i + 1.0F);
+  const float deep = (to_u - from_u) * strength;
+  const float middle = v + shadow.slant * (0.5F * (from_u + to_u) - u);
+  const float half = 0.5F * shadow.across * size;
+  const float from = middle - half, to = middle + half;
+  if (j < std::floor(from) || j > std::floor(to)) return 0.0F;
+  return deep * most(least(to, j + 1.0F) - most(from, j), 0.0F);
+}
+
+/// The pixels of a tile that a speck may cover, inclusive; x_low > x_high: none.
+struct SpeckPixels {
+  int x_low, y_low, x_high, y_high;
+};
+/// @param x_px, y_px  the tile's corner.
+THRONG_HOST_DEVICE inline SpeckPixels speck_pixels(const PlacedSpeck& placed,
+                                                   const SpeckImage& image, float size_y, int x_px,
+                                                   int y_px) {
+  constexpr int kLast = static_cast<int>(kSpeckTilePx) - 1;
+  const float up_low = placed.y - size_y * image.y_high - static_cast<float>(y_px);
+  const float up_high = placed.y - size_y * image.y_low - static_cast<float>(y_px);
+  const float lean_low = placed.lean * size_y * image.y_low;
+  const float lean_high = placed.lean * size_y * image.y_high;
+  const float left =
+      placed.x + placed.size * image.x_low + least(lean_low, lean_high) - static_cast<float>(x_px);
+  const float right =
+      placed.x + placed.size * image.x_high + most(lean_low, lean_high) - static_cast<float>(x_px);
+  const auto at_least = [](int a, int b) { return a > b ? a : b; };
+  const auto at_most = [](int a, int b) { return a < b ? a : b; };
+  return {at_least(static_cast<int>(std::floor(left)), 0),
+          at_least(static_cast<int>(std::floor(up_low)), 0),
+          at_most(static_cast<int>(std::floor(right)), kLast),
+          at_most(static_cast<int>(std::floor(up_high)), kLast)};
+}
+
 }  // namespace throng::render::element
