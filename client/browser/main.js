@@ -161,6 +161,7 @@ function glide(goal, then) {
 connection.onFrame = (header, image) => view.take(header, image);
 
 view.accepts = header => {
+  if (!state.crowd) return false;  // it was on its way when its crowd was left
   const stamp = Number(header.stamp ?? 0);
   if (!state.follow || header.followedAgent || stamp < lastPlaybackStamp || stamp < lastFollowStamp) return true;
   const gone = state.follow, wasThere = view.header?.followedAgent === gone;
@@ -568,9 +569,12 @@ window.addEventListener('hashchange', () => {
   state.crowd = state.crowd && wantsLink.crowd === state.crowd ? '' : state.crowd;
   if (crowds.some(crowd => crowd.name === wantsLink.crowd)) {
     openCrowd(wantsLink.crowd);
-  } else if (wantsLink.crowd) {
+  } else {
     state.crowd = '';
+    connection.send({endView: {}});
     view.clear();
+    byId('crowd-name').textContent = '';
+    document.title = 'throng';
     showStart();
   }
 });

@@ -82,6 +82,7 @@ constexpr std::size_t kMaxSpeedAgents = 100000;
 // What the wire takes.
 constexpr std::size_t kMostMotions = 64;
 constexpr std::size_t kLongestMotion = 64;
+constexpr std::int64_t kLastCharacter = 65'535;
 
 /// A column's name and the unit written with it: "x_cm", "x/cm", "x [cm]", "x (cm)".
 struct ColumnName {
@@ -376,6 +377,7 @@ class Ingest final : public RowFeed {
       return take(number, i, direction_y_);
     }
     if (name == "motion") return take(number, i, motion_);
+    if (name == "character") return take(number, i, character_);
     if (name == "active" && info_.format == "pathfinder-csv") return take(number, i, active_);
     extra_.push_back(i);
     return absl::OkStatus();
@@ -497,6 +499,15 @@ class Ingest final : public RowFeed {
     if (!id.ok()) {
       return fault(path_, line,
                    std::string_view(id.status().message().data(), id.status().message().size()));
+    }
+    if (character_ != kNone && !fields[character_].empty()) {
+      std::int64_t character = 0;
+      if (parse_integer(fields[character_], character) && character >= 0 &&
+          character <= kLastCharacter) {
+        ids_.choose(*id, static_cast<std::int32_t>(character));
+      } else {
+        ++odd_characters_;
+      }
     }
     values_.clear();
     double value = 0.0;
@@ -627,6 +638,10 @@ class Ingest final : public RowFeed {
           absl::StrCat(counted(odd_motions_, "motion", "motions"), " left out: over ", kMostMotions,
                        " different ones, or a name of over ", kLongestMotion, " bytes"));
     }
+    if (odd_characters_ > 0) {
+      info_.notes.push_back(absl::StrCat(counted(odd_characters_, "character", "characters"),
+                                         " left out: not a number of 0 to ", kLastCharacter));
+    }
     IdTable ids(false);
     if (feed == nullptr) std::swap(ids, ids_);
     return make_sorted_reader(path_, info_, columns_, base_, options_, std::move(rows_),
@@ -645,7 +660,7 @@ class Ingest final : public RowFeed {
   std::vector<ColumnName> columns_of_;
   std::size_t time_ = kNone, frame_ = kNone, id_ = kNone, x_ = kNone, y_ = kNone, z_ = kNone;
   std::size_t heading_ = kNone, compass_ = kNone, direction_x_ = kNone, direction_y_ = kNone;
-  std::size_t active_ = kNone, motion_ = kNone;
+  std::size_t active_ = kNone, motion_ = kNone, character_ = kNone;
   std::vector<std::size_t> extra_, channels_;
   bool sumo_ = false, degrees_ = false;
   bool unit_settled_ = false, channels_settled_ = false, unit_assumed_ = false;
@@ -663,7 +678,8 @@ class Ingest final : public RowFeed {
     std::vector<double> values;
   };
   std::unordered_map<std::uint64_t, Activity> activity_;
-  std::uint64_t inactive_ = 0, vehicles_ = 0, odd_channels_ = 0, odd_motions_ = 0;
+  std::uint64_t inactive_ = 0, vehicles_ = 0, odd_channels_ = 0, odd_motions_ = 0,
+                odd_characters_ = 0;
   std::unordered_map<std::uint64_t, std::array<double, 3>> last_;  // time, x, y
   double distance_m_ = 0.0, walked_s_ = 0.0;
   std::unique_ptr<RowSorter> rows_;

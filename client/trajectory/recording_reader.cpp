@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -483,14 +485,40 @@ std::vector<Part> parts_in(const std::string& folder) {
   return parts;
 }
 
+fs::path removed_path(const std::string& folder, const std::string& stem) {
+  return fs::path(folder) / (stem + ".removed");
+}
+
 }  // namespace
 
 std::vector<std::string> recorded_crowds(const std::string& folder) {
   std::vector<std::string> crowds;
-  for (const Part& part : parts_in(folder)) {
-    if (crowds.empty() || crowds.back() != part.name.crowd) crowds.push_back(part.name.crowd);
+  const std::vector<Part> parts = parts_in(folder);
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    const detail::PartName& name = parts[i].name;
+    const bool is_last = i + 1 == parts.size() || parts[i + 1].name.crowd != name.crowd;
+    std::error_code error;
+    if (is_last && !fs::exists(removed_path(folder, name.stem), error)) {
+      crowds.push_back(name.crowd);
+    }
   }
   return crowds;
+}
+
+absl::Status give_up_recordings(const std::string& folder, const std::string& crowd) {
+  std::string newest;
+  for (const Part& part : parts_in(folder)) {
+    if (part.name.crowd != crowd) continue;
+    // that of an older run has had its day
+    std::error_code ignored;
+    if (part.name.stem != newest && !newest.empty())
+      fs::remove(removed_path(folder, newest), ignored);
+    newest = part.name.stem;
+  }
+  if (newest.empty()) return absl::OkStatus();
+  const std::string path = removed_path(folder, newest).string();
+  if (std::ofstream(path, std::ios::binary).put('\n').flush().good()) return absl::OkStatus();
+  return absl::UnavailableError(absl::StrCat(path, ": cannot be written: ", std::strerror(errno)));
 }
 
 absl::StatusOr<RecordedRun> read_last_run(

@@ -58,6 +58,7 @@ class SortedReader final : public Reader {
 
   const Info& info() const override { return info_; }
   std::string agent_name(std::uint64_t id) const override { return ids().name(id); }
+  std::int32_t agent_character(std::uint64_t id) const override { return ids().character(id); }
   std::int64_t frames_inserted() const override { return inserted_; }
 
   absl::StatusOr<bool> next(Frame& frame) override {

@@ -31,12 +31,17 @@ absl::StatusOr<Summary> summarize(const std::string& path, const ReadOptions& op
     last_us = frame.time_us;
     summary.most_at_once = std::max<std::uint64_t>(summary.most_at_once, frame.ids.size());
     for (const std::uint64_t id : frame.ids) {
-      ids.insert(id);
+      if (ids.insert(id).second) {
+        summary.has_characters = summary.has_characters || (*reader)->agent_character(id) >= 0;
+      }
       summary.largest_id = std::max(summary.largest_id, id);
     }
     widen(0, frame.x_m);
     widen(1, frame.y_m);
     widen(2, frame.z_m);
+    summary.has_motion =
+        summary.has_motion || std::any_of(frame.motion.begin(), frame.motion.end(),
+                                          [](std::uint8_t code) { return code != 0; });
     summary.has_z = summary.has_z || !frame.z_m.empty();
     if (!summary.has_heading) {
       summary.has_heading = std::any_of(frame.heading_rad.begin(), frame.heading_rad.end(),

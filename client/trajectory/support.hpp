@@ -106,12 +106,19 @@ class IdTable {
   absl::StatusOr<std::uint64_t> id(std::string_view text);
   std::string name(std::uint64_t id) const;
   bool has_names() const { return !names_.empty(); }
+  /// Reader::agent_character; who was chosen first stays.
+  void choose(std::uint64_t id, std::int32_t character) { characters_.try_emplace(id, character); }
+  std::int32_t character(std::uint64_t id) const {
+    const auto found = characters_.find(id);
+    return found != characters_.end() ? found->second : -1;
+  }
 
  private:
   bool hash_everything_;
   std::string last_text_;
   std::uint64_t last_id_ = 0;
   std::unordered_map<std::uint64_t, std::string> names_;  // of hashed ids
+  std::unordered_map<std::uint64_t, std::int32_t> characters_;
 };
 
 /// Checks a position and applies the unit. `axis` is for the message.

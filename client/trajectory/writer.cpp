@@ -115,13 +115,20 @@ class CsvWriter final : public Writer {
     std::string header = "time_s,id,x_m,y_m";
     if (spec.has_z) header += ",z_m";
     if (spec.has_heading) header += ",heading_rad";
+    if (!spec.motion_names.empty()) header += ",motion";
+    if (spec.has_characters) header += ",character";
     for (const std::string& name : spec.channel_names)
       absl::StrAppend(&header, ",", csv_field(name));
     return file_.put(header + "\n");
   }
 
-  absl::Status write(const Frame& frame, const std::vector<std::string>& names) override {
+  absl::Status write(const Frame& frame, const std::vector<std::string>& names,
+                     const std::vector<std::int32_t>& characters) override {
     if (absl::Status s = check_columns(path_, spec_, frame, names); !s.ok()) return s;
+    if (!characters.empty() && characters.size() != frame.ids.size()) {
+      return fault(path_, absl::StrCat("write: ", characters.size(), " characters of ",
+                                       frame.ids.size(), " agents"));
+    }
     char time[48];
     const std::int64_t us = frame.time_us;
     const auto size = std::snprintf(time, sizeof time, "%s%lld.%06lld", us < 0 ? "-" : "",
@@ -146,6 +153,17 @@ class CsvWriter final : public Writer {
         if (!frame.heading_rad.empty() && std::isfinite(frame.heading_rad[i])) {
           append(text_, frame.heading_rad[i]);
         }
+      }
+      if (!spec_.motion_names.empty()) {
+        text_ += ',';
+        const std::size_t code = frame.motion.empty() ? 0 : frame.motion[i];
+        if (code > 0 && code <= spec_.motion_names.size()) {
+          text_ += csv_field(spec_.motion_names[code - 1]);
+        }
+      }
+      if (spec_.has_characters) {
+        text_ += ',';
+        if (!characters.empty() && characters[i] >= 0) append(text_, characters[i]);
       }
       for (const auto& channel : frame.channels) {
         text_ += ',';
@@ -204,7 +222,8 @@ class ArchiveWriter final : public Writer {
     return file_.put(header + "\n");
   }
 
-  absl::Status write(const Frame& frame, const std::vector<std::string>& names) override {
+  absl::Status write(const Frame& frame, const std::vector<std::string>& names,
+                     const std::vector<std::int32_t>&) override {
     const auto number = numbered_frame(path_, spec_, frame, names, last_);
     if (!number.ok()) return number.status();
     last_ = *number;
@@ -307,7 +326,8 @@ class SqliteWriter final : public Writer {
     return absl::OkStatus();
   }
 
-  absl::Status write(const Frame& frame, const std::vector<std::string>& names) override {
+  absl::Status write(const Frame& frame, const std::vector<std::string>& names,
+                     const std::vector<std::int32_t>&) override {
     const auto number = numbered_frame(path_, spec_, frame, names, last_);
     if (!number.ok()) return number.status();
     // JuPedSim writes every frame number; moments that nobody saw repeat nothing but the number.
@@ -446,10 +466,16 @@ absl::StatusOr<Summary> convert(const std::string& input, const std::string& out
   spec.max_x_m = summary->max_x_m;
   spec.min_y_m = summary->min_y_m;
   spec.max_y_m = summary->max_y_m;
-  const bool sqlite = *written == "jupedsim-sqlite";
+  const bool sqlite = *written == "jupedsim-sqlite", csv = *written == "csv";
+  if (csv && summary->has_motion) spec.motion_names = summary->info.motion_names;
+  spec.has_characters = csv && summary->has_characters;
   std::vector<std::string>& notes = summary->info.notes;
   if (sqlite && (spec.has_z || !spec.channel_names.empty())) {
     notes.push_back("JuPedSim's SQLite holds neither heights nor channels; they are not written");
+  }
+  if (!csv && (summary->has_motion || summary->has_characters)) {
+    notes.push_back(
+        "what agents do and who they were chosen to be is not written; only CSV holds it");
   }
   if (!sqlite && !spec.walkable_area_wkt.empty()) {
     notes.push_back("the walkable area is not written; only SQLite holds it");
@@ -465,6 +491,7 @@ absl::StatusOr<Summary> convert(const std::string& input, const std::string& out
   if (!writer.ok()) return writer.status();
   std::unordered_map<std::uint64_t, std::uint64_t> numbers;
   std::vector<std::string> names;
+  std::vector<std::int32_t> characters;
   std::uint64_t frames = 0;
   Frame frame;
   while (true) {
@@ -472,14 +499,16 @@ absl::StatusOr<Summary> convert(const std::string& input, const std::string& out
     if (!more.ok()) return more.status();
     if (!*more) break;
     names.clear();
+    characters.clear();
     for (std::uint64_t& id : frame.ids) {
+      if (spec.has_characters) characters.push_back((*reader)->agent_character(id));
       if (renumber) {
         id = numbers.try_emplace(id, numbers.size() + 1).first->second;
       } else {
         names.push_back((*reader)->agent_name(id));
       }
     }
-    if (absl::Status s = (*writer)->write(frame, names); !s.ok()) return s;
+    if (absl::Status s = (*writer)->write(frame, names, characters); !s.ok()) return s;
     if (goes_on && !goes_on(++frames, summary->frames)) {
       return absl::CancelledError(absl::StrCat(output, ": stopped after ", frames, " frames"));
     }

@@ -93,6 +93,12 @@ void Recording::run() {
       queued_bytes_ -= item.bytes;
       const bool is_written = status.ok() && !has_failed_;
       if (item.frame != nullptr) ++(is_written ? counters_.written_frames : counters_.lost_frames);
+      if (absl::IsInvalidArgument(status)) {  // what does not fit costs itself only
+        spdlog::warn("event=recording_lost crowd={} frames={} why=\"{}\"", crowd_,
+                     item.frame != nullptr ? 1 : 0, std::string(status.message()));
+        said_lost_ += item.frame != nullptr ? 1 : 0;
+        status = absl::OkStatus();
+      }
       if (is_written && syncs && sync_at == SteadyClock::time_point::max()) {
         sync_at = SteadyClock::now() + settings_.sync_every;
       }
@@ -113,8 +119,10 @@ void Recording::run() {
       spdlog::error("event=recording_ended crowd={} error=\"{}\"", crowd_,
                     std::string(status.message()));
     } else if (lost != said_lost_ && !has_failed_ && queue_.empty()) {
-      spdlog::warn("event=recording_lost crowd={} frames={} why=\"the disk is too slow\"", crowd_,
-                   lost - said_lost_);
+      spdlog::warn(
+          "event=recording_lost crowd={} frames={} why=\"{} MiB wait for the disk, which is the "
+          "limit\"",
+          crowd_, lost - said_lost_, settings_.queue_bytes >> 20);
       said_lost_ = lost;
     }
     if (ends) return;

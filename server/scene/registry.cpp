@@ -392,8 +392,12 @@ absl::Status Registry::resume_crowd(const std::string& name) {
   named->clock_.on_frame(pushed.time_us, now_());
   if (!run->walkable_area_wkt.empty()) {
     absl::Status status = environments_->build(name, named->crowd_, run->walkable_area_wkt);
-    if (!status.ok()) return status;
-    named->walkable_area_wkt_ = run->walkable_area_wkt;
+    if (status.ok()) {
+      named->walkable_area_wkt_ = run->walkable_area_wkt;
+    } else {
+      spdlog::warn("event=resumed_without crowd={} what=\"{}\"", name,
+                   std::string(status.message()));
+    }
   }
   spdlog::info("event=resumed crowd={} frames={} newest_s={:.3f} run_id={}", name, run->frames,
                1e-6 * static_cast<double>(pushed.time_us), run->spec.run_id);
@@ -425,23 +429,32 @@ std::vector<CrowdReport> Registry::list() const {
 
 absl::Status Registry::remove(const std::string& name) {
   if (absl::Status status = check_crowd_name(name); !status.ok()) return status;
-  // let go of outside the lock: its recording writes what waits
   std::shared_ptr<NamedCrowd> removed;
-  const std::lock_guard lock(mutex_);
-  const auto found = crowds_.find(name);
-  if (found == crowds_.end()) {
-    return absl::NotFoundError(absl::StrCat("there is no crowd '", name, "'"));
-  }
+  std::shared_ptr<Recording> recording;
   {
+    const std::lock_guard lock(mutex_);
+    const auto found = crowds_.find(name);
+    if (found == crowds_.end()) {
+      return absl::NotFoundError(absl::StrCat("there is no crowd '", name, "'"));
+    }
     const std::lock_guard crowd_lock(found->second->mutex_);
     if (found->second->owner_ != 0) {
       return absl::FailedPreconditionError(
           absl::StrCat("crowd_name: '", name, "' is fed by a producer"));
     }
+    removed = std::move(found->second);
+    removed->deleted_.store(true, std::memory_order_release);
+    recording = std::move(removed->recording_);
+    crowds_.erase(found);
   }
-  found->second->deleted_.store(true, std::memory_order_release);
-  removed = std::move(found->second);
-  crowds_.erase(found);
+  // Outside the locks: it writes what waits. A crowd of the same name that begins meanwhile has a
+  // recording of its own, and is given up with it only if its file is there by then.
+  if (recording == nullptr) return absl::OkStatus();
+  recording.reset();
+  if (absl::Status status = trajectory::give_up_recordings(record_.folder, name); !status.ok()) {
+    spdlog::warn("event=recording_not_given_up crowd={} error=\"{}\"", name,
+                 std::string(status.message()));
+  }
   return absl::OkStatus();
 }
 

@@ -156,6 +156,10 @@ class Socket final : public WebConnection, public std::enable_shared_from_this<S
         if (!status.ok()) return status;
         break;
       }
+      case v1::WebRequest::kEndView:
+        ++view_number_;
+        view_.reset();
+        return absl::OkStatus();
       case v1::WebRequest::REQUEST_NOT_SET:
         if (!request.token().empty()) return absl::OkStatus();
         return absl::InvalidArgumentError("request: the message has none");

@@ -1,5 +1,8 @@
 """Several crowds, none, tokens, and a server that goes away."""
 
+import urllib.request
+
+import devtools
 import pytest
 from conftest import Producer, Server
 
@@ -16,6 +19,12 @@ def own_server():
     for server in servers:
         if server.process.poll() is None:
             server.stop()
+
+
+def metrics(server):
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    with opener.open(server.page.split("#")[0] + "metrics", timeout=10) as answer:
+        return answer.read().decode()
 
 
 @pytest.fixture
@@ -84,6 +93,7 @@ def test_an_unknown_crowd_is_named_with_those_there_are(tab, own_server, walk_fi
     tab.evaluate("location.hash = '#crowd=nothing'")
     tab.wait("!document.getElementById('start').hidden && "
              "document.getElementById('start-text').textContent.includes(\"no crowd 'nothing' here\")")
+    devtools.until(lambda: "\nthrong_viewers 0\n" in metrics(server), "the old picture still comes")
     tab.click_on("#start-list [data-crowd=hall]")
     tab.wait("document.getElementById('crowd-name').textContent === 'hall' && document.getElementById('start').hidden")
     for one in (producer, late):

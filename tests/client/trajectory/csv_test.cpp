@@ -51,6 +51,17 @@ TEST_F(CsvTest, ColumnMotionSaysWhatAgentsDo) {
   EXPECT_THAT(reading.frames[1].channels[0], ElementsAre(3.0f, 4.0f));
 }
 
+TEST_F(CsvTest, CharactersThatAreNoCastMemberAreLeftOutAndTold) {
+  const std::string file = write("a.csv",
+                                 "time_s,id,x_m,y_m,character\n"
+                                 "0,1,1,2,-1\n0,2,3,4,65536\n0,3,3,5,bob\n0,4,3,6,0\n");
+  const auto reader = open(file);
+  ASSERT_TRUE(reader.ok()) << reader.status();
+  for (const std::uint64_t id : {1, 2, 3}) EXPECT_EQ((*reader)->agent_character(id), -1) << id;
+  EXPECT_EQ((*reader)->agent_character(4), 0);
+  EXPECT_THAT((*reader)->info().notes, Contains(HasSubstr("3 characters left out")));
+}
+
 TEST_F(CsvTest, MoreThanSixtyFourMotionsAreLeftOutAndTold) {
   std::string text = "time_s,id,x_m,y_m,motion\n";
   for (int i = 0; i < 70; ++i)

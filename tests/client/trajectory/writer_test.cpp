@@ -54,6 +54,28 @@ TEST_F(WriterTest, CsvReadsBackAsItWas) {
   expect_equal(read_all(path("in.csv")), read_all(path("out.csv")), true);
 }
 
+TEST_F(WriterTest, CsvKeepsWhatAgentsDoAndWhoTheyWereChosenToBe) {
+  const std::string in =
+      write("hints.csv",
+            "time_s,id,x_m,y_m,motion,character\n"
+            "0,1,1,2,sit,3\n0,2,3,4,,\n1,1,1,2,\"wave, both\",3\n1,2,3,4,sit,\n");
+  ASSERT_TRUE(convert(in, path("out.csv")).ok());
+  const Reading before = read_all(in), after = read_all(path("out.csv"));
+  ASSERT_TRUE(after.status.ok()) << after.status;
+  EXPECT_THAT(after.info.motion_names, ElementsAre("sit", "wave, both"));
+  EXPECT_TRUE(after.info.channel_names.empty());
+  ASSERT_EQ(after.frames.size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i) EXPECT_EQ(after.frames[i].motion, before.frames[i].motion);
+  const auto reader = open(path("out.csv"));
+  ASSERT_TRUE(reader.ok()) << reader.status();
+  EXPECT_EQ((*reader)->agent_character(1), 3);
+  EXPECT_EQ((*reader)->agent_character(2), -1);
+
+  const absl::StatusOr<Summary> summary = convert(in, path("out.txt"));
+  ASSERT_TRUE(summary.ok()) << summary.status();
+  EXPECT_THAT(summary->info.notes, Contains(HasSubstr("only CSV holds it")));
+}
+
 TEST_F(WriterTest, ArchiveTextReadsBackAsItWas) {
   ASSERT_TRUE(convert(good(), path("out.txt")).ok());
   const Reading reading = read_all(path("out.txt"));

@@ -320,6 +320,62 @@ TEST_F(RegistryRecordingTest, BringsTheLastRunBackAndGoesOnWithIt) {
   EXPECT_EQ(files().size(), 3U);
 }
 
+TEST_F(RegistryRecordingTest, ARemovedCrowdKeepsItsFilesAndStaysRemoved) {
+  for (const char* run : {"one", "two"}) {
+    StartRequest request = start_of("hall", run);
+    auto producer = *recording->start(request, [] {});
+    ASSERT_TRUE(producer->push(frame_of(0, {{1, 2, 0}})).ok());
+  }
+  ASSERT_TRUE(recording->remove("hall").ok());
+  recording = started();
+  recording->resume();
+  EXPECT_TRUE(recording->list().empty());
+  std::vector<std::string> parts = files();
+  EXPECT_EQ(std::count_if(parts.begin(), parts.end(),
+                          [](const std::string& path) { return path.ends_with(".trec"); }),
+            2);
+
+  // Who comes under the same name comes back; the runs before do not.
+  auto again = *recording->start(start_of("hall", "three"), [] {});
+  ASSERT_TRUE(again->push(frame_of(0, {{1, 2, 0}})).ok());
+  again.reset();
+  recording = started();
+  recording->resume();
+  ASSERT_EQ(recording->list().size(), 1U);
+  EXPECT_EQ(recording->list()[0].run_id, "three");
+}
+
+TEST_F(RegistryRecordingTest, ARunComesBackWithoutAnAreaThatCanNotBeBuilt) {
+  trajectory::RecordingSpec spec;
+  spec.crowd = "hall";
+  {
+    trajectory::RecordingWriter writer(folder.file(""), spec, 1u << 20);
+    ASSERT_TRUE(writer.set_walkable_area("POLYGON (broken").ok());
+    const std::uint64_t ids[] = {1};
+    const float position[] = {1.0F, 2.0F, 0.0F};
+    writer.set_members(ids, {});
+    ASSERT_TRUE(writer.write(0, position, {}, {}).ok());
+  }
+  recording->resume();
+  ASSERT_EQ(recording->list().size(), 1U);
+  EXPECT_EQ(recording->list()[0].agents, 1U);
+  EXPECT_EQ(recording->list()[0].walkable_area_wkt, "");
+}
+
+TEST_F(RegistryRecordingTest, AFrameThatDoesNotFitCostsItselfOnly) {
+  RecordSettings settings;
+  settings.folder = folder.file("");
+  trajectory::RecordingSpec spec;
+  spec.crowd = "odd";
+  Recording recorded(settings, spec);
+  recorded.write(frame_of(10, {{1, 2, 0}}));
+  recorded.write(frame_of(20, {{2e7F, 2, 0}}));
+  recorded.write(frame_of(30, {{1, 2, 0}}));
+  recorded.wait_idle();
+  EXPECT_EQ(recorded.counters().written_frames, 2U);
+  EXPECT_EQ(recorded.counters().lost_frames, 1U);
+}
+
 TEST_F(RegistryRecordingTest, ABrokenDiskDisturbsNobody) {
   RecordSettings settings;
   settings.folder = folder.file("gone");

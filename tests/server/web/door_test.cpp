@@ -321,6 +321,19 @@ TEST_F(WebDoorTest, PicksTheAgentUnderAPoint) {
   EXPECT_FALSE(response->pick_agent().found());
 }
 
+TEST_F(WebDoorTest, AViewThatIsEndedSendsNoMoreAndAnotherCanBegin) {
+  open();
+  publish();
+  const auto viewer = browser();
+  viewer->send(R"({"endView":{}})");  // there is none
+  viewer->send(watch(2));
+  EXPECT_EQ(viewer->frame().width_px(), 32U);
+  viewer->send(R"({"endView":{}})");
+  while (server->crowd("station").viewers() != 0U) std::this_thread::yield();
+  viewer->send(watch(2));
+  EXPECT_EQ(viewer->frame().width_px(), 32U);
+}
+
 TEST_F(WebDoorTest, BadMessagesAreAnsweredAndDisturbNobody) {
   open();
   publish();
@@ -372,6 +385,7 @@ TEST_F(WebDoorTest, BadMessagesAreAnsweredAndDisturbNobody) {
       {"{\"id\":-1,\"listCrowds\":{}}", "INVALID_ARGUMENT", "not a WebRequest"},
       {"{\"listCrowds\":7}", "INVALID_ARGUMENT", "not a WebRequest"},
       {"{\"getServerInfo\":[1]}", "INVALID_ARGUMENT", "not a WebRequest"},
+      {"{\"endView\":\"now\"}", "INVALID_ARGUMENT", "not a WebRequest"},
       {"{\"pickAgent\":{\"options\":{\"crowdName\":\"nowhere\"}}}", "NOT_FOUND", "nowhere"},
       {"{\"id\":3,\"pickAgent\":{\"options\":{\"crowdName\":\"station\"},\"xPx\":\"NaN\"}}",
        "INVALID_ARGUMENT", "x_px"},

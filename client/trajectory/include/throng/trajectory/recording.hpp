@@ -41,8 +41,13 @@ struct RecordedRun {
   std::vector<std::string> notes;  // what could not be read
 };
 
-/// Crowds that a folder has recordings of, sorted.
+/// Crowds that a folder has recordings of, sorted, but for those whose newest run was given up.
 std::vector<std::string> recorded_crowds(const std::string& folder);
+
+/// Says in the folder that a crowd was removed: its recordings so far stay and can be read, and
+/// recorded_crowds leaves them out. NAME.removed lies beside the parts of its newest run.
+/// Unavailable when it cannot be written.
+absl::Status give_up_recordings(const std::string& folder, const std::string& crowd);
 
 /// Reads the last parts of a crowd's newest run, as many as `most_bytes` of files hold (at least
 /// one), and gives every frame to `take`: its time is the producer's own, its positions lie in the

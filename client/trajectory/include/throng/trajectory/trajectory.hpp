@@ -94,6 +94,8 @@ struct Summary {
   double min_x_m = 0.0, max_x_m = 0.0, min_y_m = 0.0, max_y_m = 0.0, min_z_m = 0.0, max_z_m = 0.0;
   bool has_z = false;
   bool has_heading = false;      // at least one known heading
+  bool has_motion = false;       // somebody does something that its speed does not tell
+  bool has_characters = false;   // somebody's character was chosen
   std::uint64_t largest_id = 0;  // above 2^53 where ids are names
 };
 

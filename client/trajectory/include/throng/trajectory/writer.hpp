@@ -19,6 +19,8 @@ struct WriteSpec {
   double fps = 0.0;    // needed by formats with frame numbers; 0 where times are irregular
   bool has_z = false, has_heading = false;
   std::vector<std::string> channel_names;
+  std::vector<std::string> motion_names;  // of CSV: what Frame::motion counts; empty: no column
+  bool has_characters = false;            // of CSV
   std::string walkable_area_wkt;
   double min_x_m = 0, max_x_m = 0, min_y_m = 0, max_y_m = 0;
 };
@@ -28,10 +30,12 @@ struct WriteSpec {
 class Writer {
  public:
   virtual ~Writer() = default;
-  /// `names` has the agents' names or is empty; formats with plain numbers ignore it.
+  /// `names` has the agents' names or is empty, `characters` the cast members that were chosen for
+  /// them (-1: none) or is empty; formats with plain numbers ignore both.
   /// InvalidArgument: a time between two frame numbers, columns that are not as specified, ids
   /// above 2^53 in formats of plain numbers. ResourceExhausted or Unavailable: cannot write.
-  virtual absl::Status write(const Frame& frame, const std::vector<std::string>& names = {}) = 0;
+  virtual absl::Status write(const Frame& frame, const std::vector<std::string>& names = {},
+                             const std::vector<std::int32_t>& characters = {}) = 0;
   virtual absl::Status close() = 0;
 };
 
