@@ -9,11 +9,12 @@ namespace {
 // How much an error in an attribute counts against the same distance in position. Silhouettes are
 // seen from afar when texture no longer is.
 constexpr float kSlide = 0.35F;
-constexpr float kMostSlide = 0.12F;   // of the character's size
-constexpr float kTorn = 0.03F;        // of the size: texture stretched over a seam, colours alike
-constexpr float kTornColor = 0.50F;   // of the size: black becomes white
-constexpr float kBaredColor = 0.15F;  // of the size: a white eye goes from a black face
-constexpr float kNormal = 0.004F;     // of the size: normals at right angles
+constexpr float kMostSlide = 0.12F;     // of the character's size
+constexpr float kTorn = 0.03F;          // of the size: texture stretched over a seam, colours alike
+constexpr float kTornColor = 0.50F;     // of the size: black becomes white
+constexpr float kBaredColor = 0.15F;    // of the size: a white eye goes from a black face
+constexpr float kCoveredColor = 0.05F;  // of the size: a black stripe goes from white cloth
+constexpr float kNormal = 0.004F;       // of the size: normals at right angles
 constexpr float kJoint = 0.01F;  // of the size: moved by quite different joints; poses tell most
 
 float cross(const glm::vec2& a, const glm::vec2& b) { return a.x * b.y - a.y * b.x; }
@@ -126,6 +127,26 @@ float AttributeCost::baring_cost(std::uint32_t front, std::uint32_t behind) cons
   const float distance_m =
       kBaredColor * size_m_ * color_difference(corners(front), corners(behind));
   return distance_m * distance_m;
+}
+
+float AttributeCost::covering_cost(std::uint32_t dying, std::uint32_t triangle, std::uint32_t a,
+                                   const WedgeMove& move) const {
+  const Surface& surface = mesh_.surface();
+  const glm::uvec3 &gone = mesh_.wedges(dying), &points = mesh_.points(triangle);
+  const auto at = [&](int i) { return surface.points[mesh_.points(dying)[i]].position; };
+  glm::vec2 before(0.0F), after(0.0F);
+  for (int i = 0; i < 3; ++i) {
+    before += surface.wedge_uv[gone[i]] / 3.0F;
+    // what lies on the dying triangle is near its other two corners
+    const std::uint32_t point = points[i];
+    const bool is_near = point == a || mesh_.has(dying, point);
+    const std::uint32_t wedge = point == a ? move.to : mesh_.wedges(triangle)[i];
+    after += (is_near ? 0.4F : 0.2F) * surface.wedge_uv[wedge];
+  }
+  const glm::vec3 off = glm::abs(color_at(before) - color_at(after));
+  const float distance_m = kCoveredColor * size_m_ * (off.x + off.y + off.z) / 3.0F;
+  const float area_m2 = 0.5F * glm::length(glm::cross(at(1) - at(0), at(2) - at(0)));
+  return area_m2 * distance_m * distance_m;
 }
 
 float AttributeCost::joint_cost(std::uint32_t a, std::uint32_t b) const {

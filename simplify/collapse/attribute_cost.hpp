@@ -29,6 +29,11 @@ class AttributeCost {
   /// Squared metres: how much of a change of colour it is where one triangle bares another.
   float baring_cost(std::uint32_t front, std::uint32_t behind) const;
 
+  /// Of the colours that are lost where `triangle` of point a comes to lie, by `move`, over `dying`
+  /// from the other side of a seam: m^4. A stripe that is its own chart goes so.
+  float covering_cost(std::uint32_t dying, std::uint32_t triangle, std::uint32_t a,
+                      const WedgeMove& move) const;
+
   /// Squared metres: how differently the joints move two points.
   float joint_cost(std::uint32_t a, std::uint32_t b) const;
 

@@ -4,10 +4,12 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <mutex>
 #include <numeric>
 #include <optional>
+#include <queue>
 #include <thread>
 #include <tuple>
 
@@ -44,6 +46,9 @@ constexpr float kWhole = 3.0F;
 // vertices, where what is seen decides alone.
 constexpr float kAround = 0.25F, kEven = 0.6F, kEvenStep = 16.0F;
 constexpr std::uint32_t kEvenFrom = 96;
+// What a triangle costs that spans from limb to limb, by its area and the squared detour, and how
+// much longer than a straight line ways along a mesh are anyway.
+constexpr float kBridge = 1.0F, kStraight = 2.0F;
 constexpr float kUnknown = -1.0e30F;
 constexpr float kTwins = 1.0e20F;  // the cost of two triangles at one place: the last choice
 
@@ -77,11 +82,70 @@ float chance(std::uint32_t seed, std::uint32_t a, std::uint32_t b) {
   return static_cast<float>((x ^ (x >> 31U)) >> 40U) / 16777216.0F;
 }
 
+/// How far points are from each other along a mesh, for the points that are alive when it is made.
+class Walks {
+ public:
+  Walks(const WedgeMesh& mesh, std::span<const std::uint32_t> triangles)
+      : row_(mesh.surface().points.size(), kNoIndex) {
+    std::vector<std::vector<std::pair<std::uint32_t, float>>> next;
+    const auto& points = mesh.surface().points;
+    const auto row = [&](std::uint32_t point) {
+      if (row_[point] == kNoIndex) {
+        row_[point] = static_cast<std::uint32_t>(next.size());
+        next.emplace_back();
+      }
+      return row_[point];
+    };
+    for (const std::uint32_t t : triangles) {
+      for (int i = 0; i < 3; ++i) {
+        const std::uint32_t a = mesh.points(t)[i], b = mesh.points(t)[(i + 1) % 3];
+        const float length_m = glm::distance(points[a].position, points[b].position);
+        const std::uint32_t from = row(a), to = row(b);
+        next[from].emplace_back(to, length_m);
+        next[to].emplace_back(from, length_m);
+      }
+    }
+    count_ = next.size();
+    length_m_.assign(count_ * count_, kNone);
+    using Item = std::pair<float, std::uint32_t>;
+    std::priority_queue<Item, std::vector<Item>, std::greater<>> queue;
+    for (std::uint32_t start = 0; start < count_; ++start) {  // Dijkstra 1959
+      float* length_m = &length_m_[start * count_];
+      length_m[start] = 0.0F;
+      queue.emplace(0.0F, start);
+      while (!queue.empty()) {
+        const auto [so_far, at] = queue.top();
+        queue.pop();
+        if (so_far > length_m[at]) continue;
+        for (const auto& [to, step] : next[at]) {
+          if (so_far + step >= length_m[to]) continue;
+          length_m[to] = so_far + step;
+          queue.emplace(length_m[to], to);
+        }
+      }
+    }
+  }
+
+  /// By how much the way along the mesh is longer than `straight_m`; 0 between pieces.
+  float detour_m(std::uint32_t a, std::uint32_t b, float straight_m) const {
+    if (row_[a] == kNoIndex || row_[b] == kNoIndex) return 0.0F;
+    const float length_m = length_m_[row_[a] * count_ + row_[b]];
+    return length_m == kNone ? 0.0F : std::max(0.0F, length_m - kStraight * straight_m);
+  }
+
+ private:
+  static constexpr float kNone = std::numeric_limits<float>::max();
+  std::vector<std::uint32_t> row_;  // [P]
+  std::size_t count_ = 0;
+  std::vector<float> length_m_;  // [count][count]
+};
+
 class Contraction {
  public:
   Contraction(float size_m, const std::function<bool()>& prefers_tones, PoseCost& poses,
-              const AttributeCost& attributes, std::span<const std::uint32_t> mirror, Views& views,
-              float& error_m, WedgeMesh& mesh, std::uint32_t seed = 0)
+              const AttributeCost& attributes, std::span<const std::uint32_t> mirror,
+              const Walks& walks, Views& views, float& error_m, WedgeMesh& mesh,
+              std::uint32_t seed = 0)
       : size_m_(size_m),
         seed_(seed),
         is_two_sided_(mesh.surface().is_two_sided()),
@@ -95,6 +159,7 @@ class Contraction {
         piece_(mesh.surface().points.size(), kNoIndex),
         patch_(mesh.surface().points.size()),
         mirror_(mirror),
+        walks_(walks),
         is_dirty_(mesh.surface().points.size(), true) {}
 
   /// @param most_error  gives up where `error` is larger
@@ -342,6 +407,17 @@ class Contraction {
     }
   }
 
+  /// Of a triangle, m^4.
+  float bridge_cost(std::uint32_t a, std::uint32_t b, std::uint32_t c) const {
+    const auto& points = mesh_.surface().points;
+    const glm::vec3 ab = points[b].position - points[a].position;
+    const glm::vec3 ac = points[c].position - points[a].position;
+    const float detour_m =
+        std::max({walks_.detour_m(a, b, glm::length(ab)), walks_.detour_m(a, c, glm::length(ac)),
+                  walks_.detour_m(b, c, glm::length(ac - ab))});
+    return kBridge * 0.5F * glm::length(glm::cross(ab, ac)) * detour_m * detour_m;
+  }
+
   void judge(Pair& pair) {
     pair.seen = kUnknown;
     // something of it must stay
@@ -369,6 +445,14 @@ class Contraction {
         if (move.from == wedge)
           geometry += attributes_.triangle_cost(triangle, pair.a, pair.b, move);
       }
+    }
+    for (const std::uint32_t triangle : around) {
+      if (mesh_.alive_wedges() <= kTriesFrom) break;  // where what is seen decides alone
+      const glm::uvec3& points = mesh_.points(triangle);
+      const int corner = points.x == pair.a ? 0 : points.y == pair.a ? 1 : 2;
+      const std::uint32_t x = points[(corner + 1) % 3], y = points[(corner + 2) % 3];
+      geometry -= bridge_cost(pair.a, x, y);
+      if (!mesh_.has(triangle, pair.b)) geometry += bridge_cost(pair.b, x, y);
     }
     pair.geometry = kGeometry * geometry / (size_m_ * size_m_);
     // where both sides are drawn one of two is enough; else it must stay, or the surface opens
@@ -584,6 +668,7 @@ class Contraction {
   std::vector<Patch> patch_;                        // [P]
   std::span<const std::uint32_t> mirror_;           // [P] or empty
   std::vector<float> evenness_;                     // [P] or empty
+  const Walks& walks_;
   std::vector<Pair> pairs_;
   std::vector<bool> is_dirty_;  // [P]
   bool was_toned_ = false;
@@ -601,7 +686,12 @@ std::uint32_t contract(std::uint32_t coarsest_count, float size_m, std::uint32_t
                        const AttributeCost& attributes, std::span<const std::uint32_t> mirror,
                        Views& views, float& error_m, WedgeMesh& mesh,
                        const std::function<void(float)>& on_progress) {
-  Contraction fine(size_m, prefers_tones, poses, attributes, mirror, views, error_m, mesh);
+  std::vector<std::uint32_t> alive;
+  for (std::uint32_t t = 0; t < mesh.surface().triangles.size(); ++t) {
+    if (mesh.is_alive(t)) alive.push_back(t);
+  }
+  const Walks walks(mesh, alive);
+  Contraction fine(size_m, prefers_tones, poses, attributes, mirror, walks, views, error_m, mesh);
   fine.run(std::max(coarsest_count, std::min(kTriesFrom, mesh.alive_wedges())), on_progress);
   if (mesh.alive_wedges() <= coarsest_count) return fine.toned_count();
 
@@ -621,7 +711,7 @@ std::uint32_t contract(std::uint32_t coarsest_count, float size_m, std::uint32_t
     for (std::uint32_t i; (i = next.fetch_add(1)) < kTries;) {
       Way way{mesh, error_m, {}, 0};
       PoseCost own_poses = poses;
-      Contraction own(size_m, always, own_poses, attributes, mirror, own_views, way.error_m,
+      Contraction own(size_m, always, own_poses, attributes, mirror, walks, own_views, way.error_m,
                       way.mesh, i);
       own.run(coarsest_count, nullptr, &most_error);
       way.result = {std::max(coarsest_count, way.mesh.alive_wedges()), own.error(), i};

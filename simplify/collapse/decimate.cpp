@@ -165,6 +165,20 @@ class WedgeModule : public OpenMesh::Decimater::ModBaseT<HalfEdgeMesh> {
     return nullptr;
   }
 
+  /// Whether two triangles of a share another point, but not a's wedge.
+  bool lies_beyond_seam(std::uint32_t dying, std::uint32_t triangle, std::uint32_t a) const {
+    const auto& mesh = state_->mesh;
+    std::uint32_t own = kNoIndex, other = kNoIndex;
+    bool are_neighbours = false;
+    for (int i = 0; i < 3; ++i) {
+      const std::uint32_t point = mesh.points(triangle)[i];
+      if (point == a) own = mesh.wedges(triangle)[i];
+      are_neighbours |= point != a && mesh.has(dying, point);
+      if (mesh.points(dying)[i] == a) other = mesh.wedges(dying)[i];
+    }
+    return are_neighbours && own != other;
+  }
+
   bool breaks_any(std::uint32_t a, std::uint32_t b, const Phase& phase) const {
     for (const std::uint32_t triangle : around_) {
       if (state_->mesh.has(triangle, b)) continue;
@@ -206,6 +220,10 @@ class WedgeModule : public OpenMesh::Decimater::ModBaseT<HalfEdgeMesh> {
       const WedgeMove* move = move_of(triangle, a);
       if (move == nullptr || move->to == kNoIndex) return Base::ILLEGAL_COLLAPSE;
       cost += share * state_->attributes.triangle_cost(triangle, a, b, *move);
+      for (const std::uint32_t dying : around_) {
+        if (!state_->mesh.has(dying, b) || !lies_beyond_seam(dying, triangle, a)) continue;
+        cost += share * state_->attributes.covering_cost(dying, triangle, a, *move);
+      }
       if (!phase.may_mirror && move->is_exact && state_->attributes.mirrors(triangle, a, *move)) {
         return Base::ILLEGAL_COLLAPSE;
       }

@@ -94,6 +94,43 @@ TEST(CollapseTest, TextureStaysInPlaceAcrossASeam) {
   }
 }
 
+TEST(CollapseTest, StripeOfItsOwnColorIsNotCoveredByWhatIsBesideIt) {
+  // colours from a palette: each is one place of the texture, so only area tells what is lost
+  constexpr std::uint32_t kSide = 40;
+  SourceCharacter source = test::make_empty_source();
+  SourceImage& image = source.materials[0].base_color;
+  for (std::uint32_t i = 0; i < 256; ++i) {
+    if (i % 16 >= 8) std::fill_n(image.rgba.begin() + 4 * i, 3, std::uint8_t{0});
+  }
+  source.normals.emplace_back(1, 0, 0);
+  source.uvs = {{0.25F, 0.5F}, {0.75F, 0.5F}};
+  for (std::uint32_t i = 0; i < (kSide + 1) * (kSide + 1); ++i) {
+    const glm::vec2 at(i % (kSide + 1), i / (kSide + 1));
+    source.points.push_back(
+        {{0.0F, at.x / kSide - 0.5F, at.y / kSide}, glm::u16vec4(0), {1, 0, 0, 0}});
+  }
+  for (std::uint32_t row = 0; row < kSide; ++row) {
+    for (std::uint32_t column = 0; column < kSide; ++column) {
+      const std::uint32_t uv = column == kSide / 2 ? 1 : 0, a = row * (kSide + 1) + column;
+      test::add_triangle(source, {a, a + 1, a + kSide + 2}, {0, 0, 0}, {uv, uv, uv});
+      test::add_triangle(source, {a, a + kSide + 2, a + kSide + 1}, {0, 0, 0}, {uv, uv, uv});
+    }
+  }
+  const render::Character character = baked(source);
+  for (const float share : {0.5F, 0.3F}) {
+    const std::uint32_t n = character.legal_count[static_cast<std::uint32_t>(
+        share * static_cast<float>(character.vertex_count()))];
+    float black_m2 = 0.0F;
+    for (const glm::uvec3& corner : test::triangles_at(character, n)) {
+      const glm::vec3 &p = character.position[corner.x], &q = character.position[corner.y],
+                      &r = character.position[corner.z];
+      if (character.uv[corner.x].x > 32767U)
+        black_m2 += 0.5F * glm::length(glm::cross(q - p, r - p));
+    }
+    EXPECT_NEAR(black_m2, 1.0F / kSide, 0.1F / kSide) << "at " << n;
+  }
+}
+
 TEST(CollapseTest, WedgesOfASeamPointGoTogether) {
   const render::Character character = baked(test::make_cut_sheet(16));
   // on the cut, a legal level has both copies of a point or none
