@@ -24,24 +24,35 @@ if(THRONG_WITH_CUDA)
     set(CMAKE_CUDA20_EXTENSION_COMPILE_OPTION "-std=c++20")
   endif()
   find_package(CUDAToolkit REQUIRED)
-  # nvJPEG is looked for when the program runs. Its header is the toolkit's or its wheel's; without
-  # one libjpeg-turbo encodes all pictures.
-  find_path(THRONG_NVJPEG_INCLUDE nvjpeg.h
-    HINTS ${CUDAToolkit_INCLUDE_DIRS} ${CMAKE_BINARY_DIR}/nvjpeg/nvidia/cu${CUDAToolkit_VERSION_MAJOR}/include)
-  if(NOT THRONG_NVJPEG_INCLUDE AND NOT THRONG_NVJPEG_TRIED)
+  # nvJPEG is looked for when the program runs. Its header is the toolkit's, that of the folder
+  # THRONG_NVJPEG_INCLUDE, or of the nvidia-nvjpeg wheel, which pip is asked for once and which is
+  # kept in the build folder (THRONG_NVJPEG_WHEEL=OFF: never). Without it libjpeg-turbo encodes all
+  # pictures.
+  option(THRONG_NVJPEG_WHEEL "ask pip for nvJPEG's header where the toolkit has none" ON)
+  set(nvjpeg_folder ${CMAKE_BINARY_DIR}/nvjpeg)
+  set(nvjpeg_hints ${CUDAToolkit_INCLUDE_DIRS}
+    ${nvjpeg_folder}/nvidia/cu${CUDAToolkit_VERSION_MAJOR}/include)
+  find_path(THRONG_NVJPEG_INCLUDE nvjpeg.h HINTS ${nvjpeg_hints})
+  if(NOT THRONG_NVJPEG_INCLUDE AND THRONG_NVJPEG_WHEEL AND NOT THRONG_NVJPEG_TRIED)
+    message(STATUS "throng: asking pip for the nvidia-nvjpeg wheel, once (THRONG_NVJPEG_WHEEL=OFF: not)")
     set(THRONG_NVJPEG_TRIED ON CACHE INTERNAL "asked pip for nvJPEG's header once")
     math(EXPR next_major "${CUDAToolkit_VERSION_MAJOR} + 1")
     execute_process(
-      COMMAND python3 -m pip download -q --no-deps -d ${CMAKE_BINARY_DIR}/nvjpeg
+      COMMAND python3 -m pip download -q --no-deps -d ${nvjpeg_folder}
         "nvidia-nvjpeg>=${CUDAToolkit_VERSION_MAJOR},<${next_major}"
       TIMEOUT 120 OUTPUT_QUIET ERROR_QUIET RESULT_VARIABLE failed)
-    file(GLOB wheel ${CMAKE_BINARY_DIR}/nvjpeg/*.whl)
+    file(GLOB wheel ${nvjpeg_folder}/*.whl)
     if(wheel)
-      file(ARCHIVE_EXTRACT INPUT ${wheel} DESTINATION ${CMAKE_BINARY_DIR}/nvjpeg PATTERNS "*/nvjpeg.h" "*/libnvjpeg.so*")
+      file(ARCHIVE_EXTRACT INPUT ${wheel} DESTINATION ${nvjpeg_folder}
+        PATTERNS "*/nvjpeg.h" "*/libnvjpeg.so*")
       file(REMOVE ${wheel})
+    else()
+      message(STATUS "throng: pip did not bring the wheel (${failed})")
     endif()
-    find_path(THRONG_NVJPEG_INCLUDE nvjpeg.h
-      HINTS ${CMAKE_BINARY_DIR}/nvjpeg/nvidia/cu${CUDAToolkit_VERSION_MAJOR}/include)
+    find_path(THRONG_NVJPEG_INCLUDE nvjpeg.h HINTS ${nvjpeg_hints})
+  endif()
+  if(NOT THRONG_NVJPEG_INCLUDE)
+    message(STATUS "throng: no nvjpeg.h: pictures on a GPU are encoded by libjpeg-turbo")
   endif()
   message(STATUS "throng: nvJPEG's header: ${THRONG_NVJPEG_INCLUDE}")
 

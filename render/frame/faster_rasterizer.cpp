@@ -91,14 +91,26 @@ Choice choose(const std::shared_ptr<const Cast>& cast, const FramePipelineOption
                        ", ", text("gl", gl))};
 }
 
+/// What makes a cast's frames take the time they take: who is in it, not where it lies.
+std::string identity_of(const Cast& cast) {
+  std::string identity;
+  for (const CastMember& member : cast.members) {
+    const Character& character = member.character;
+    absl::StrAppend(&identity, character.name, " ", character.vertex_count(), " ",
+                    character.triangle.size(), " ", character.joint_count(), " ",
+                    character.palette.size(), " ", member.weight, "; ");
+  }
+  return identity;
+}
+
 }  // namespace
 
 RasterKind faster_rasterizer(const std::shared_ptr<const Cast>& cast,
                              const FramePipelineOptions& options, std::string& why) {
   static std::mutex mutex;
   static std::map<std::string, Choice> known;
-  const std::string key = absl::StrCat(gpu_key(), "; ", static_cast<int>(options.backend), "; ",
-                                       cast->members.size(), " members");
+  const std::string key =
+      absl::StrCat(gpu_key(), "; ", static_cast<int>(options.backend), "; ", identity_of(*cast));
   const std::lock_guard lock(mutex);
   auto at = known.find(key);
   if (at == known.end()) at = known.emplace(key, choose(cast, options)).first;

@@ -240,6 +240,26 @@ void EglContext::unbind() {
   }
 }
 
+void* EglContext::make_fence() {
+  if (epoxy_egl_version(display_) < 15) return nullptr;
+  const EGLSync fence = eglCreateSync(display_, EGL_SYNC_FENCE, nullptr);
+  glFlush();
+  return fence == EGL_NO_SYNC ? nullptr : fence;
+}
+
+absl::Status EglContext::wait(void* fence) const {
+  constexpr EGLTime kMostNs = 10'000'000'000;
+  const EGLint waited = eglClientWaitSync(display_, fence, 0, kMostNs);
+  if (waited == EGL_CONDITION_SATISFIED) return absl::OkStatus();
+  return absl::InternalError(waited == EGL_TIMEOUT_EXPIRED
+                                 ? "gl: a picture was not drawn within 10 s"
+                                 : "gl: the fence of a picture was lost");
+}
+
+void EglContext::drop_fence(void* fence) const {
+  if (fence != nullptr) eglDestroySync(display_, fence);
+}
+
 }  // namespace throng::render::gl
 
 namespace throng::render {

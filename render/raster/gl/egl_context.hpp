@@ -25,6 +25,12 @@ class EglContext {
   /// Gives the thread back whatever context it had before `bind`.
   void unbind();
 
+  /// What was asked of the bound context so far, flushed; null where EGL has no fences.
+  void* make_fence();
+  /// Waits until it is done. Of any thread. Internal when it is not within ten seconds.
+  absl::Status wait(void* fence) const;
+  void drop_fence(void* fence) const;
+
   const std::string& platform() const { return platform_; }  // "EGL surfaceless", "EGL device 0"
   const std::string& vendor() const { return vendor_; }
   const std::string& renderer() const { return renderer_; }

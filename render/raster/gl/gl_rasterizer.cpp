@@ -20,6 +20,7 @@
 #include "render/raster/gl/egl_context.hpp"
 #include "render/raster/gl/mapped_buffer.hpp"
 #include "render/raster/gl/program.hpp"
+#include "render/raster/gl/read_back.hpp"
 #include "render/raster/gl/relief_pass.hpp"
 #include "render/raster/gl/shaders.hpp"
 #include "render/raster/gl/splat_pass.hpp"
@@ -89,6 +90,8 @@ class GlRasterizer final : public Rasterizer {
   ~GlRasterizer() override {
     BoundContext bound(*context_);
     if (!bound.status().ok()) return;
+    last_.reset();
+    read_back_.release();
     for (Target& target : targets_) target.release();
     interop_.reset();
     vertices_.release();
@@ -213,6 +216,7 @@ class GlRasterizer final : public Rasterizer {
     }
     BoundContext bound(*context_);
     if (!bound.status().ok()) return bound.status();
+    if (absl::Status status = wait_for_last(); !status.ok()) return status;
 
     ShaderOptions options;
     std::vector<const MipImage*> base, masks;
@@ -249,6 +253,7 @@ class GlRasterizer final : public Rasterizer {
                     const glm::dvec3& origin_world, const Look& look, Picture& picture) override {
     BoundContext bound(*context_);
     if (!bound.status().ok()) return bound.status();
+    if (absl::Status status = wait_for_last(); !status.ok()) return status;
     on_device_ = geometry.on_device != nullptr;
     if (!on_device_) {
       return draw_bound(geometry, camera, viewport, origin_world, look, picture);
@@ -263,6 +268,12 @@ class GlRasterizer final : public Rasterizer {
   }
 
  private:
+  /// The frame before reads the buffers that are about to be filled.
+  absl::Status wait_for_last() {
+    const auto last = std::exchange(last_, nullptr);
+    return last == nullptr ? absl::OkStatus() : last->wait();
+  }
+
   absl::Status draw_bound(const FrameGeometry& geometry, const Camera& camera,
                           const Viewport& viewport, const glm::dvec3& origin_world,
                           const Look& look, Picture& picture) {
@@ -279,7 +290,16 @@ class GlRasterizer final : public Rasterizer {
     try {
       picture.width_px = viewport.width_px;
       picture.height_px = viewport.height_px;
-      picture.rgbx.resize(std::size_t{4} * viewport.width_px * viewport.height_px);
+      // software smooths edges once the pixels are there
+      std::shared_ptr<GlPicture> kept;
+      if (picture.may_stay && samples_ > 1) {
+        auto taken = read_back_.take(context_, viewport.width_px, viewport.height_px);
+        if (!taken.ok()) return taken.status();
+        kept = *std::move(taken);
+        picture.rgbx.clear();
+      } else {
+        picture.rgbx.resize(std::size_t{4} * viewport.width_px * viewport.height_px);
+      }
 
       const SceneFrame scene = make_scene_frame(camera, viewport, origin_world, look);
       if (auto status = stage(geometry, scene, look); !status.ok()) return status;
@@ -301,11 +321,18 @@ class GlRasterizer final : public Rasterizer {
           set_uniforms(tile, camera, viewport, scene);
           splats_.set_view(glm::mat3(view_from_relative(camera)), scene.px_per_tangent,
                            tile.width_px, tile.height_px, geometry.instances.size());
-          if (auto status = draw_tile(geometry, tile, scene.shadows, look.relief_search, picture);
+          if (auto status = draw_tile(geometry, tile, scene.shadows, look.relief_search, picture,
+                                      kept == nullptr ? 0 : kept->buffer());
               !status.ok()) {
             return status;
           }
         }
+      }
+      if (kept != nullptr) {
+        kept->close();
+        last_ = kept;
+        picture.on_device = std::move(kept);
+        return absl::OkStatus();
       }
       if (samples_ == 1) smooth_edges(picture, smooth_scratch_, pool_);
     } catch (const std::bad_alloc&) {
@@ -620,7 +647,7 @@ class GlRasterizer final : public Rasterizer {
   }
 
   absl::Status draw_tile(const FrameGeometry& geometry, const Tile& tile, bool shadows,
-                         const ReliefSearch& search, Picture& picture) {
+                         const ReliefSearch& search, Picture& picture, GLuint pixel_buffer) {
     auto found = target(tile.width_px, tile.height_px);
     if (!found.ok()) return found.status();
     const Target& target = **found;
@@ -712,13 +739,18 @@ class GlRasterizer final : public Rasterizer {
     }
     glBindFramebuffer(GL_READ_FRAMEBUFFER, target.read_fbo);
     glPixelStorei(GL_PACK_ROW_LENGTH, static_cast<GLint>(picture.width_px));
-    glReadPixels(
-        0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE,
-        &picture.rgbx[std::size_t{4} * (std::size_t{tile.y_px} * picture.width_px + tile.x_px)]);
+    const std::size_t first =
+        std::size_t{4} * (std::size_t{tile.y_px} * picture.width_px + tile.x_px);
+    glBindBuffer(GL_PIXEL_PACK_BUFFER, pixel_buffer);
+    glReadPixels(0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE,
+                 pixel_buffer != 0 ? reinterpret_cast<void*>(first) : &picture.rgbx[first]);
+    glBindBuffer(GL_PIXEL_PACK_BUFFER, 0);
     return gl_failed("draw");
   }
 
-  std::unique_ptr<EglContext> context_;
+  std::shared_ptr<EglContext> context_;  // pictures that are fetched later share it
+  ReadBack read_back_;
+  std::shared_ptr<GlPicture> last_;  // may still be drawn
   std::shared_ptr<const Cast> cast_;
   ShaderOptions options_;
   GLint max_texture_px_ = 0, max_layers_ = 0, max_storage_bytes_ = 0;

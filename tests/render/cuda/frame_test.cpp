@@ -318,6 +318,39 @@ class CudaFaultTest : public CudaFrameTest {
   test::cuda_on_host::Faults& faults = test::cuda_on_host::faults;
 };
 
+TEST_F(CudaFaultTest, MakesItsGraphsAnewOnlyWhereTheyHaveOtherNodes) {
+  Scene scene{.agents = 40, .pose_mode = kShared, .geometry = kFused};
+  Surroundings none;
+  const auto cast = cast_of(scene, none);
+  const auto crowd = crowd_of(scene, cast);
+  Renderer cpu = Renderer::on_processor(), cuda = Renderer::on_cuda();
+  ASSERT_TRUE(cpu.upload(cast).ok());
+  ASSERT_TRUE(cuda.upload(cast).ok());
+  int& made = test::cuda_on_host::graphs_made;
+  int& updated = test::cuda_on_host::graphs_updated;
+  const auto frame = [&](int expected_made, int expected_updated) {
+    made = updated = 0;
+    Picture expected, actual;
+    ASSERT_TRUE(generate(cpu, scene, *crowd, none).ok());
+    ASSERT_TRUE(generate(cuda, scene, *crowd, none).ok());
+    ASSERT_TRUE(draw(cpu, cpu.backend->geometry(*cpu.view), scene, expected).ok());
+    ASSERT_TRUE(draw(cuda, cuda.backend->geometry(*cuda.view), scene, actual).ok());
+    expect_same_picture(expected, actual);
+    EXPECT_EQ(made, expected_made);
+    EXPECT_EQ(updated, expected_updated);
+  };
+  frame(0, 0);  // launched one by one
+  frame(2, 0);  // stages, rasterizer
+  scene.camera.eye_world.x = 2.0;
+  scene.vertex_budget = 8'000;
+  frame(0, 2);  // the same kernels with other arguments
+  scene.shadows = false;
+  frame(1, 1);
+  frame(0, 2);
+  scene.form = FormRule::kMixed;
+  frame(2, 0);  // other kernels select, and the rasterizer looks for impostors
+}
+
 TEST_F(CudaFaultTest, TellsWhatIsMissing) {
   faults.devices = cudaErrorNoDevice;
   const auto backend = make_cuda_backend();

@@ -2,11 +2,16 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
+#include <thread>
 
+#include "render/compute/crowd_fixture.hpp"
 #include "render/raster/rasterizer_fixture.hpp"
 #include "support/image_compare.hpp"
 #include "support/raster_scene.hpp"
+#include "throng/render/compute.hpp"
+#include "throng/render/device_picture.hpp"
 #include "throng/render/raster.hpp"
 
 namespace throng::render {
@@ -485,6 +490,87 @@ TEST_P(RasterTest, CoarseLevelsAreDrawnInTheTonesOfTheirCorners) {
 INSTANTIATE_TEST_SUITE_P(Kinds, RasterTest,
                          ::testing::Values(RasterKind::kGl, RasterKind::kVisibility),
                          test::kind_name);
+
+/// A wall that is lit so much, in a picture of `width` pixels.
+absl::Status draw_wall(Rasterizer& rasterizer, float light, std::uint32_t width, Picture& picture) {
+  RasterScene scene;
+  scene.begin_instance({0, 5, -2});
+  add_facing_wall(scene, {0, 5, 0}, 1.0F);
+  Look look = flat_look();
+  look.sky_color = look.ground_light = glm::vec3(light);
+  return rasterizer.draw(scene.geometry(), camera_north(), {width, 96}, glm::dvec3(0.0), look,
+                         picture);
+}
+
+TEST(GlReadBackTest, PicturesThatStayAreFetchedByOtherThreadsAndOutliveTheRasterizer) {
+  ASSERT_EQ(setenv("THRONG_GL_SAMPLES", "4", 1), 0);  // as on hardware
+  auto made = make_rasterizer(RasterKind::kGl, 2);
+  unsetenv("THRONG_GL_SAMPLES");
+  if (absl::IsUnavailable(made.status())) GTEST_SKIP() << made.status().message();
+  ASSERT_TRUE(made.ok()) << made.status();
+  std::unique_ptr<Rasterizer> rasterizer = *std::move(made);
+  ASSERT_TRUE(rasterizer->upload(cast_of(2, 1, kRedWhite)).ok());
+  // more frames than there are buffers at the first; they grow, too
+  for (int round = 0; round < 3; ++round) {
+    Picture expected[3], staying[3];
+    for (int i = 0; i < 3; ++i) {
+      const float light = 0.3F + 0.2F * static_cast<float>(i);
+      const std::uint32_t width = round == 2 ? 160 : 96;
+      ASSERT_TRUE(draw_wall(*rasterizer, light, width, expected[i]).ok());
+      staying[i].may_stay = true;
+      ASSERT_TRUE(draw_wall(*rasterizer, light, width, staying[i]).ok());
+      ASSERT_NE(staying[i].on_device, nullptr);
+      EXPECT_TRUE(staying[i].rgbx.empty());
+    }
+    if (round == 2) rasterizer.reset();
+    std::jthread other([&] {
+      for (int i = 0; i < 3; ++i) {
+        const absl::Status status = staying[i].on_device->fetch(staying[i].rgbx);
+        EXPECT_TRUE(status.ok()) << status;
+        EXPECT_EQ(staying[i].rgbx, expected[i].rgbx) << round << ", " << i;
+        std::vector<std::uint8_t> jpeg;
+        EXPECT_TRUE(absl::IsUnimplemented(staying[i].on_device->encode_jpeg(80, jpeg)));
+      }
+    });
+  }
+}
+
+/// What gl draws from the memory of a CUDA device is what it draws from the host's.
+TEST(CudaInteropTest, VerticesOfADeviceAreDrawnAsThoseOfTheHost) {
+  auto backend = make_backend(BackendKind::kCuda);
+  if (!backend.ok()) GTEST_SKIP() << backend.status().message();
+  auto rasterizer = make_rasterizer(RasterKind::kGl, 2, BackendKind::kCuda);
+  if (!rasterizer.ok()) GTEST_SKIP() << rasterizer.status().message();
+  if (!(*rasterizer)->takes_device()) GTEST_SKIP() << (*rasterizer)->info().detail;
+  const auto cast = test::tiny_cast();
+  const auto crowd = test::walking_crowd(cast, 60, 12.0);
+  ASSERT_TRUE((*backend)->upload(cast).ok());
+  ASSERT_TRUE((*rasterizer)->upload(cast).ok());
+  auto view = (*backend)->make_view();
+  ASSERT_TRUE(view.ok()) << view.status();
+  const Bracket bracket = crowd->bracket(50'000);
+  const auto older = (*backend)->upload(bracket.older), newer = (*backend)->upload(bracket.newer);
+  ASSERT_TRUE(older.ok() && newer.ok());
+  const auto instances = (*backend)->advance(**older, **newer, 50'000, crowd->settings(), -1, {});
+  ASSERT_TRUE(instances.ok()) << instances.status();
+  Camera camera;
+  camera.eye_world = {0.0, -14.0, 5.0};
+  camera.target_world = {0.0, 0.0, 1.0};
+  Picture pictures[2];
+  for (const bool on_device : {false, true}) {
+    ASSERT_TRUE((*backend)->cull(**view, *instances, camera, {320, 200}).ok());
+    ASSERT_TRUE((*backend)->select(**view, {.vertex_budget = 20'000, .on_device = on_device}).ok());
+    ASSERT_TRUE((*backend)->allocate(**view).ok());
+    ASSERT_TRUE((*backend)->generate(**view).ok());
+    const FrameGeometry geometry = (*backend)->geometry(**view);
+    EXPECT_EQ(geometry.on_device != nullptr, on_device);
+    const absl::Status status = (*rasterizer)
+                                    ->draw(geometry, camera, {320, 200}, glm::dvec3(0.0), Look(),
+                                           pictures[on_device ? 1 : 0]);
+    ASSERT_TRUE(status.ok()) << status;
+  }
+  EXPECT_EQ(pictures[0].rgbx, pictures[1].rgbx);
+}
 
 TEST(MakeRasterizerTest, DescribesEveryPlatformTried) { EXPECT_FALSE(describe_egl().empty()); }
 

@@ -15,6 +15,7 @@
 #include <cstring>
 #include <functional>
 #include <memory>
+#include <string>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -33,6 +34,7 @@ enum cudaError_t {
   cudaErrorNotReady = 600,
   cudaErrorIllegalAddress = 700,
   cudaErrorLaunchFailure = 719,
+  cudaErrorGraphExecUpdateFailure = 910,
 };
 enum cudaMemcpyKind { cudaMemcpyHostToDevice, cudaMemcpyDeviceToHost, cudaMemcpyDeviceToDevice };
 enum cudaMemPoolAttr { cudaMemPoolAttrReleaseThreshold };
@@ -70,6 +72,16 @@ inline Faults faults;
 
 /// True between the begin and the end of a capture, where memory may not be had and nobody waits.
 inline bool captures = false;
+
+/// What a graph consists of, in its order: kernels, copies and the like by name. Their arguments
+/// and grids may change, their kinds may not.
+using Nodes = std::vector<std::string>;
+inline Nodes captured;
+inline void capture(const char* node) {
+  if (captures) captured.emplace_back(node);
+}
+/// How often a graph was made anew, and how often the one before was taken with new arguments.
+inline int graphs_made = 0, graphs_updated = 0;
 
 /// The threads of one block.
 class Block {
@@ -214,8 +226,9 @@ inline void Block::resume(unsigned i) {
 #endif
 }
 
-inline void launch(unsigned blocks, unsigned threads, std::size_t shared_bytes,
+inline void launch(const char* name, unsigned blocks, unsigned threads, std::size_t shared_bytes,
                    const std::function<void()>& kernel) {
+  capture(name);
   if (blocks == 0 || threads == 0 || threads > 1024) {
     faults.launch = cudaErrorInvalidValue;  // as the runtime
     return;
@@ -229,7 +242,9 @@ inline void launch(unsigned blocks, unsigned threads, std::size_t shared_bytes,
   }
 }
 
-inline void launch_apart(unsigned blocks, unsigned threads, const std::function<void()>& kernel) {
+inline void launch_apart(const char* name, unsigned blocks, unsigned threads,
+                         const std::function<void()>& kernel) {
+  capture(name);
   if (blocks == 0 || threads == 0 || threads > 1024) {
     faults.launch = cudaErrorInvalidValue;
     return;
@@ -256,10 +271,11 @@ inline cudaError_t allocate(void** data, std::size_t size_bytes) {
 
 }  // namespace throng::test::cuda_on_host
 
-#define THRONG_LAUNCH(kernel, blocks, threads, shared_bytes, stream, ...) \
-  ::throng::test::cuda_on_host::launch(blocks, threads, shared_bytes, [&] { kernel(__VA_ARGS__); })
+#define THRONG_LAUNCH(kernel, blocks, threads, shared_bytes, stream, ...)      \
+  ::throng::test::cuda_on_host::launch(#kernel, blocks, threads, shared_bytes, \
+                                       [&] { kernel(__VA_ARGS__); })
 #define THRONG_LAUNCH_APART(kernel, blocks, threads, stream, ...) \
-  ::throng::test::cuda_on_host::launch_apart(blocks, threads, [&] { kernel(__VA_ARGS__); })
+  ::throng::test::cuda_on_host::launch_apart(#kernel, blocks, threads, [&] { kernel(__VA_ARGS__); })
 #define THRONG_PERSISTENT(blocks) 3
 #define THRONG_DYNAMIC_SHARED(Type, name) \
   Type* name = static_cast<Type*>(::throng::test::cuda_on_host::Block::current->shared())
@@ -367,10 +383,12 @@ inline cudaError_t cudaFreeHost(void* data) {
 }
 inline cudaError_t cudaMemcpyAsync(void* to, const void* from, std::size_t size_bytes,
                                    cudaMemcpyKind, cudaStream_t) {
+  throng::test::cuda_on_host::capture("copy");
   if (size_bytes > 0) std::memcpy(to, from, size_bytes);
   return cudaSuccess;
 }
 inline cudaError_t cudaMemsetAsync(void* to, int value, std::size_t size_bytes, cudaStream_t) {
+  throng::test::cuda_on_host::capture("set");
   if (size_bytes > 0) std::memset(to, value, size_bytes);
   return cudaSuccess;
 }
@@ -381,26 +399,40 @@ inline cudaError_t cudaStreamCreateWithFlags(cudaStream_t* stream, unsigned) {
 inline cudaError_t cudaStreamDestroy(cudaStream_t) { return cudaSuccess; }
 // what is captured runs at once, so launching the graph has nothing left to do
 inline cudaError_t cudaStreamBeginCapture(cudaStream_t, cudaStreamCaptureMode) {
-  if (std::exchange(throng::test::cuda_on_host::captures, true)) return cudaErrorInvalidValue;
+  using namespace throng::test::cuda_on_host;
+  if (std::exchange(captures, true)) return cudaErrorInvalidValue;
+  captured.clear();
   return cudaSuccess;
 }
 inline cudaError_t cudaStreamEndCapture(cudaStream_t, cudaGraph_t* graph) {
-  static char any;
-  *graph = reinterpret_cast<cudaGraph_t>(&any);
-  return std::exchange(throng::test::cuda_on_host::captures, false) ? cudaSuccess
-                                                                    : cudaErrorInvalidValue;
+  using namespace throng::test::cuda_on_host;
+  *graph = reinterpret_cast<cudaGraph_t>(new Nodes(std::move(captured)));
+  return std::exchange(captures, false) ? cudaSuccess : cudaErrorInvalidValue;
 }
 inline cudaError_t cudaGraphInstantiate(cudaGraphExec_t* ready, cudaGraph_t graph, unsigned) {
-  *ready = reinterpret_cast<cudaGraphExec_t>(graph);
+  using namespace throng::test::cuda_on_host;
+  ++graphs_made;
+  *ready = reinterpret_cast<cudaGraphExec_t>(new Nodes(*reinterpret_cast<const Nodes*>(graph)));
   return cudaSuccess;
 }
-inline cudaError_t cudaGraphExecUpdate(cudaGraphExec_t, cudaGraph_t,
+inline cudaError_t cudaGraphExecUpdate(cudaGraphExec_t ready, cudaGraph_t graph,
                                        cudaGraphExecUpdateResultInfo*) {
+  using namespace throng::test::cuda_on_host;
+  if (*reinterpret_cast<const Nodes*>(ready) != *reinterpret_cast<const Nodes*>(graph)) {
+    return cudaErrorGraphExecUpdateFailure;
+  }
+  ++graphs_updated;
   return cudaSuccess;
 }
 inline cudaError_t cudaGraphLaunch(cudaGraphExec_t, cudaStream_t) { return cudaSuccess; }
-inline cudaError_t cudaGraphDestroy(cudaGraph_t) { return cudaSuccess; }
-inline cudaError_t cudaGraphExecDestroy(cudaGraphExec_t) { return cudaSuccess; }
+inline cudaError_t cudaGraphDestroy(cudaGraph_t graph) {
+  delete reinterpret_cast<throng::test::cuda_on_host::Nodes*>(graph);
+  return cudaSuccess;
+}
+inline cudaError_t cudaGraphExecDestroy(cudaGraphExec_t ready) {
+  delete reinterpret_cast<throng::test::cuda_on_host::Nodes*>(ready);
+  return cudaSuccess;
+}
 inline cudaError_t cudaEventQuery(cudaEvent_t) { return cudaSuccess; }
 inline cudaError_t cudaStreamSynchronize(cudaStream_t) {
   if (throng::test::cuda_on_host::captures) return cudaErrorInvalidValue;
@@ -434,6 +466,7 @@ inline cudaError_t cudaEventDestroy(cudaEvent_t) { return cudaSuccess; }
 inline cudaError_t cudaEventRecord(cudaEvent_t, cudaStream_t) { return cudaSuccess; }
 inline constexpr unsigned cudaEventRecordDefault = 0, cudaEventRecordExternal = 1;
 inline cudaError_t cudaEventRecordWithFlags(cudaEvent_t, cudaStream_t, unsigned) {
+  throng::test::cuda_on_host::capture("event");
   return cudaSuccess;
 }
 inline cudaError_t cudaEventSynchronize(cudaEvent_t) { return cudaSuccess; }

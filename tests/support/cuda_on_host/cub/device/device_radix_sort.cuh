@@ -19,6 +19,7 @@ struct DeviceRadixSort {
       scratch_bytes = 1;
       return cudaSuccess;
     }
+    throng::test::cuda_on_host::capture("sort");
     const int width = end_bit - begin_bit;
     const Key mask = width >= static_cast<int>(8 * sizeof(Key)) ? ~Key{0} : (Key{1} << width) - 1;
     const auto digits = [&](std::uint32_t i) { return keys[i] >> begin_bit & mask; };

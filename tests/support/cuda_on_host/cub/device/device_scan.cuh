@@ -12,6 +12,7 @@ struct DeviceScan {
       scratch_bytes = 1;
       return cudaSuccess;
     }
+    throng::test::cuda_on_host::capture("scan");
     T sum = 0;
     for (std::uint32_t i = 0; i < count; ++i) {
       const T value = from[i];
