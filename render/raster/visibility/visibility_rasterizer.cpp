@@ -1050,7 +1050,7 @@ void VisibilityRasterizer::add_background(const SceneFrame& scene, std::size_t t
                                           TileScratch& scratch,
                                           const FrameGeometry& geometry) const {
   if (scene.shadows && specks_.any(tile)) {
-    specks_.shade(tile, tile_x_px, tile_y_px, geometry, speck_scene_, scratch.speck,
+    specks_.shade(tile, tile_x_px, tile_y_px, geometry, scratch.speck,
                   scratch.missing);
   }
   for (int y = 0; y < height; ++y) {

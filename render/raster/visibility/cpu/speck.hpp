@@ -63,17 +63,19 @@ class SpeckStage {
 
   /// Raises `missing` [kTilePx]^2, share of light that is missing on the ground, by their shadows.
   void shade(std::size_t tile, int x_px, int y_px, const FrameGeometry& geometry,
-             const SpeckScene& scene, SpeckScratch& scratch, float* missing) const;
+             SpeckScratch& scratch, float* missing) const;
 
   std::uint64_t size_bytes() const {
-    return placed_.capacity() * sizeof(PlacedSpeck) + bins_.size_bytes();
+    return placed_.capacity() * sizeof(PlacedSpeck) +
+           lights_.capacity() * sizeof(element::SpeckLight) + bins_.size_bytes();
   }
 
  private:
   void gather(std::span<const std::uint64_t> entries, std::vector<PlacedSpeck>& placed) const;
 
   std::vector<PlacedSpeck> placed_;
-  Bins<std::uint64_t> bins_;  // depth and number: rising is near to far
+  std::vector<element::SpeckLight> lights_;  // by tile, where specks are
+  Bins<std::uint64_t> bins_;                 // depth and number: rising is near to far
 };
 
 }  // namespace throng::render::visibility

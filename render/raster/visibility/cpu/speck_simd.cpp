@@ -72,7 +72,10 @@ void PlaceSpecks(const Speck* specks, std::size_t count, const SpeckScene& speck
   for (std::size_t i = 0; i < count; ++i) out[i] = element::place_speck(specks[i], grid, scene);
 }
 
-SpeckLight LightOf(const SpeckScene& speck_scene, float x_px, float y_px) {
+/// Of the tile whose top left pixel is given.
+SpeckLight LightOf(const SpeckScene& speck_scene, int tile_x_px, int tile_y_px) {
+  const auto x_px = static_cast<float>(tile_x_px + kTilePx / 2);
+  const auto y_px = static_cast<float>(tile_y_px + kTilePx / 2);
   const SceneFrame& scene = *speck_scene.scene;
   const element::SpeckView view = element::speck_view(scene, speck_scene.camera_up, x_px, y_px);
   element::SpeckFit fit;
@@ -200,10 +203,8 @@ void DrawSpecks(const SpeckBatch& batch, const SpeckScene& scene, const SpeckLig
   }
 }
 
-void BlendSpecks(const SpeckBatch& batch, const SpeckScene& scene, int x_px, int y_px,
-                 const TilePlanes* planes, SpeckTile& tile) {
-  const SpeckLight light = LightOf(scene, static_cast<float>(x_px + kTilePx / 2),
-                                   static_cast<float>(y_px + kTilePx / 2));
+void BlendSpecks(const SpeckBatch& batch, const SpeckScene& scene, const SpeckLight& light,
+                 int x_px, int y_px, const TilePlanes* planes, SpeckTile& tile) {
   if (planes != nullptr) {
     DrawSpecks<true>(batch, scene, light, x_px, y_px, planes, tile);
   } else {
@@ -211,18 +212,11 @@ void BlendSpecks(const SpeckBatch& batch, const SpeckScene& scene, int x_px, int
   }
 }
 
-void ShadeSpecks(const SpeckBatch& batch, const SpeckScene& scene, int x_px, int y_px,
+void ShadeSpecks(const SpeckBatch& batch, const SpeckLight& light, int x_px, int y_px,
                  float* missing) {
-  const auto middle_x_px = static_cast<float>(x_px + kTilePx / 2);
-  const auto middle_y_px = static_cast<float>(y_px + kTilePx / 2);
-  SpeckLight light;  // only where shadows fall: what figures reflect is not asked
-  element::light_places(
-      light, element::speck_view(*scene.scene, scene.camera_up, middle_x_px, middle_y_px),
-      *scene.scene, *scene.grid, middle_x_px, middle_y_px);
   const element::SpeckShadow shadow = element::speck_shadow(light);
   if (!shadow.falls) return;
   const bool is_tall = shadow.is_tall;
-  const float run = shadow.run, slant = shadow.slant, across = shadow.across;
   const int stride_run = is_tall ? kTilePx : 1, stride_across = is_tall ? 1 : kTilePx;
   for (std::size_t e = 0; e < batch.count; ++e) {
     const PlacedSpeck& placed = batch.placed[e];
@@ -230,25 +224,19 @@ void ShadeSpecks(const SpeckBatch& batch, const SpeckScene& scene, int x_px, int
     if (strength < 0.01F) continue;
     const float x = placed.x - static_cast<float>(x_px), y = placed.y - static_cast<float>(y_px);
     const float u = is_tall ? y : x, v = is_tall ? x : y;
-    // thinner than a pixel: as wide as one, and weaker
-    const float length = run * placed.size;
-    const float low = u + std::min(length, 0.0F), high = u + std::max(length, 0.0F);
-    const float half = 0.5F * across * placed.size;
+    const float low = u + placed.size * shadow.low, high = u + placed.size * shadow.high;
     const int u0 = std::max(static_cast<int>(std::floor(low)), 0);
     const int u1 = std::min(static_cast<int>(std::floor(high)), kTilePx - 1);
     for (int i = u0; i <= u1; ++i) {
-      const float from_u = std::max(low, static_cast<float>(i));
-      const float to_u = std::min(high, static_cast<float>(i + 1));
-      const float deep = (to_u - from_u) * strength;
-      const float middle = v + slant * (0.5F * (from_u + to_u) - u);
-      const float from = middle - half, to = middle + half;
-      const int v0 = std::max(static_cast<int>(std::floor(from)), 0);
-      const int v1 = std::min(static_cast<int>(std::floor(to)), kTilePx - 1);
+      const element::SpeckShade shade =
+          element::speck_shade(shadow, strength, placed.size, u, v, static_cast<float>(i));
+      const int v0 = std::max(static_cast<int>(std::floor(shade.from)), 0);
+      const int v1 = std::min(static_cast<int>(std::floor(shade.to)), kTilePx - 1);
       for (int j = v0; j <= v1; ++j) {
-        const float wide =
-            std::min(to, static_cast<float>(j + 1)) - std::max(from, static_cast<float>(j));
+        const float wide = std::min(shade.to, static_cast<float>(j + 1)) -
+                           std::max(shade.from, static_cast<float>(j));
         float& out = missing[i * stride_run + j * stride_across];
-        out += (1.0F - out) * (deep * std::max(wide, 0.0F));
+        out = element::add_shade(out, shade.dark * std::max(wide, 0.0F));
       }
     }
   }
@@ -262,6 +250,7 @@ HWY_AFTER_NAMESPACE();
 namespace throng::render::visibility {
 
 HWY_EXPORT(PlaceSpecks);
+HWY_EXPORT(LightOf);
 HWY_EXPORT(BlendSpecks);
 HWY_EXPORT(ShadeSpecks);
 
@@ -297,6 +286,12 @@ void SpeckStage::place(const FrameGeometry& geometry, const SpeckScene& scene,
         for_tiles(placed_[i], [&](std::uint32_t tile) { put(tile, entry); });
       }
     }
+  });
+  lights_.resize(tiles);
+  pool.run(tiles, [&](std::size_t tile, unsigned) {
+    if (!bins_.any(tile)) return;
+    lights_[tile] = HWY_DYNAMIC_DISPATCH(LightOf)(scene, static_cast<int>(tile % tiles_x) * kTilePx,
+                                                  static_cast<int>(tile / tiles_x) * kTilePx);
   });
 }
 
@@ -356,16 +351,16 @@ void SpeckStage::draw(std::size_t tile, int x_px, int y_px, const FrameGeometry&
   HWY_DYNAMIC_DISPATCH(BlendSpecks)
   ({geometry.specks.data(), geometry.speck_table, scratch.placed.data(), scratch.order.data(),
     scratch.order.size()},
-   scene, x_px, y_px, planes, result);
+   scene, lights_[tile], x_px, y_px, planes, result);
 }
 
 void SpeckStage::shade(std::size_t tile, int x_px, int y_px, const FrameGeometry& geometry,
-                       const SpeckScene& scene, SpeckScratch& scratch, float* missing) const {
+                       SpeckScratch& scratch, float* missing) const {
   const std::span<const std::uint64_t> list = bins_.of(tile);
   gather(list, scratch.placed);
   HWY_DYNAMIC_DISPATCH(ShadeSpecks)
   ({geometry.specks.data(), geometry.speck_table, scratch.placed.data(), list.data(), list.size()},
-   scene, x_px, y_px, missing);
+   lights_[tile], x_px, y_px, missing);
 }
 
 }  // namespace throng::render::visibility

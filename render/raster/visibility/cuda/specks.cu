@@ -179,10 +179,11 @@ __global__ void __launch_bounds__(kThreads) blend_kernel(RasterJob job) {
       const float strength = light.shadow * placed.clear;
       if (strength < 0.01F) continue;
       for (std::uint32_t p = 0; p < kPixels; ++p) {
-        missing[p] += (1.0F - missing[p]) *
-                      element::speck_shadow_at(
-                          shadow, strength, placed.size, placed.x - static_cast<float>(x_px),
-                          placed.y - static_cast<float>(y_px), x, y0 + static_cast<int>(p) * kStep);
+        missing[p] = element::add_shade(
+            missing[p], element::speck_shadow_at(shadow, strength, placed.size,
+                                                 placed.x - static_cast<float>(x_px),
+                                                 placed.y - static_cast<float>(y_px), x,
+                                                 y0 + static_cast<int>(p) * kStep));
       }
     }
   }

@@ -209,15 +209,57 @@ THRONG_HOST_DEVICE inline void end_fit(SpeckFit& fit) {
   }
 }
 
+/// A blob (shade_blob) of a figure of 1.75 m, along its middle line: how much light slices across
+/// it take, and how wide a box is that does so with the same spread. Metres.
+struct SpeckProfile {
+  static constexpr int kSlices = 16;
+  float low, per_slice;       // of the line; slices a metre
+  float before[kSlices + 1];  // square metres of darkness before each slice, then all
+  float half[kSlices];        // of the box
+};
+THRONG_HOST_DEVICE inline SpeckProfile speck_profile(float reach) {
+  constexpr float kContact = 0.48F, kEnd = 0.34F;
+  constexpr int kAcross = 8;
+  SpeckProfile profile;
+  profile.low = -kContact;
+  const float length = (reach + kEnd) + kContact;
+  profile.per_slice = static_cast<float>(SpeckProfile::kSlices) / length;
+  const float step = length / static_cast<float>(SpeckProfile::kSlices);
+  constexpr float kStep = kContact / static_cast<float>(kAcross);
+  profile.before[0] = 0.0F;
+  for (int i = 0; i < SpeckProfile::kSlices; ++i) {
+    const float along = profile.low + (static_cast<float>(i) + 0.5F) * step;
+    const float share = clamp01(along * (1.0F / most(reach, 0.01F)));
+    const float off = along - least(most(along, 0.0F), reach);
+    const float width = 0.20F + share * 0.14F;
+    float sum = 0.0F, squares = 0.0F;
+    for (int j = 0; j < kAcross; ++j) {
+      const float across = (static_cast<float>(j) + 0.5F) * kStep;
+      float contact =
+          clamp01(1.0F - (along * along + across * across) * (1.0F / (kContact * kContact)));
+      contact = (contact * contact) * 0.62F;
+      float body = clamp01(1.0F - (off * off + across * across) / (width * width));
+      body = (body * (2.0F - body)) * (0.50F - share * 0.20F);
+      const float dark = most(contact, body);
+      sum += dark;
+      squares += dark * (across * across);
+    }
+    profile.before[i + 1] = profile.before[i] + (2.0F * sum) * (kStep * step);
+    profile.half[i] = std::sqrt(3.0F * (squares / most(sum, 1e-6F)));
+  }
+  return profile;
+}
+
 /// What is the same for all specks of a tile: the light on a surface that faces right, left, the
 /// eye, away, up or down (rows: rgb of what comes anyway, of what comes under open sky, and of what
 /// is reflected then whatever the colour), and where shadows fall.
 struct SpeckLight {
   alignas(64) float row[6][16];
   float tall[kSpeckElevations];  // height here of a picture made at an elevation
-  glm::vec2 along, across;       // of a shadow, pixels down and right, for a figure of size 1
-  float shadow;                  // share of light it takes
-  float detail;                  // rows of slabs, of those that leave nothing to be seen
+  glm::vec2 along, across;       // of a shadow a metre long and wide, pixels for a figure of size 1
+  float shadow;  // share of light it takes where it is darkest, of that of a blob  float detail; //
+                 // rows of slabs, of those that leave nothing to be seen
+  SpeckProfile profile;
 };
 THRONG_HOST_DEVICE inline void light_row(SpeckLight& light, int k, const SpeckFit& fit,
                                          const SceneFrame& scene) {
@@ -247,7 +289,7 @@ THRONG_HOST_DEVICE inline void light_places(SpeckLight& light, const SpeckView& 
   light.along = light.across = glm::vec2(0.0F);
   light.shadow = 0.0F;
   light.detail = 1.0F;
-  // shadows: a body of 0.43 m, as wide as that of a blob is on the average
+  light.profile = {};
   if (!scene.shadows) return;
   const auto on_picture = [&](float x, float y) {
     const float dx = m[0].x * x + m[1].x * y, dy = m[0].y * x + m[1].y * y;
@@ -259,10 +301,11 @@ THRONG_HOST_DEVICE inline void light_places(SpeckLight& light, const SpeckView& 
   figure.height_m = 1.75F;
   figure.feet_relative = glm::vec3(0.0F, 0.0F, scene.ground_relative_m);
   const Blob blob = make_blob(scene, figure);
-  light.along = on_picture(blob.away.x, blob.away.y) * (blob.reach + 0.15F);
-  light.across = on_picture(-blob.away.y * 0.43F, blob.away.x * 0.43F);
+  light.along = on_picture(blob.away.x, blob.away.y);
+  light.across = on_picture(-blob.away.y, blob.away.x);
+  light.profile = speck_profile(blob.reach);
   const float slope = scene.orthographic ? 1.0F : clamp01(view.to_eye.z);
-  light.shadow = 0.37F * (1.0F - exp2_negative(-55.0F * slope));
+  light.shadow = (1.0F - exp2_negative(-55.0F * slope));
 }
 
 /// A figure whose slabs are about to be drawn.
@@ -348,12 +391,14 @@ THRONG_HOST_DEVICE inline SpeckPiece speck_piece(const SpeckFigure& figure, std:
   return piece;
 }
 
-/// A shadow as a slanted box on the picture: rows of one width if it runs up or down, else columns
-/// of one height. Only its area is exact.
+/// A shadow as it falls on the picture: rows of a pixel's height if it runs up or down, else
+/// columns of a pixel's width. How dark each is is exact, how far it slants aside is that of its
+/// middle.
 struct SpeckShadow {
-  bool is_tall;
-  float run, slant, across;
-  bool falls;
+  bool is_tall, falls;
+  float run, slant, across;  // pixels for a figure of size 1: of a metre along, aside, across
+  float low, high;           // of the whole
+  SpeckProfile profile;
 };
 THRONG_HOST_DEVICE inline SpeckShadow speck_shadow(const SpeckLight& light) {
   SpeckShadow shadow;
@@ -365,10 +410,54 @@ THRONG_HOST_DEVICE inline SpeckShadow speck_shadow(const SpeckLight& light) {
   shadow.falls = std::fabs(shadow.run) > 1e-4F && !(light.shadow < 0.01F);
   shadow.slant = shadow.falls ? slide / shadow.run : 0.0F;
   shadow.across = shadow.falls ? area / std::fabs(shadow.run) : 0.0F;
+  shadow.profile = light.profile;
+  const float one = shadow.run * light.profile.low;
+  const float other = shadow.run * (light.profile.low + static_cast<float>(SpeckProfile::kSlices) /
+                                                            light.profile.per_slice);
+  shadow.low = shadow.falls ? least(one, other) : 0.0F;
+  shadow.high = shadow.falls ? most(one, other) : 0.0F;
   return shadow;
 }
 
-/// The share of light that a speck's shadow takes at a pixel.
+/// A row or column of a speck's shadow: darkness from `from` to `to`, pixels.
+struct SpeckShade {
+  float dark, from, to;
+};
+/// @param i  the row's or column's place. @param u, v  the feet's, along the shadow and aside.
+THRONG_HOST_DEVICE inline SpeckShade speck_shade(const SpeckShadow& shadow, float strength,
+                                                 float size, float u, float v, float i) {
+  const SpeckProfile& profile = shadow.profile;
+  const float per_px = profile.per_slice / (shadow.run * size);
+  const float offset = -profile.low * profile.per_slice;
+  constexpr auto kEnd = static_cast<float>(SpeckProfile::kSlices);
+  const float one = least(most((i - u) * per_px + offset, 0.0F), kEnd);
+  const float other = least(most((i + 1.0F - u) * per_px + offset, 0.0F), kEnd);
+  const auto before = [&](float at) {
+    const int k = static_cast<int>(least(at, kEnd - 1.0F));
+    return profile.before[k] +
+           (at - static_cast<float>(k)) * (profile.before[k + 1] - profile.before[k]);
+  };
+  const float middle = 0.5F * (one + other);  // of what lies in the row
+  const float mass = std::fabs(before(other) - before(one));
+  const float half =
+      profile.half[static_cast<int>(least(middle, kEnd - 1.0F))] * (shadow.across * size);
+  const float at = v + shadow.slant * ((middle - offset) / per_px);
+  SpeckShade shade;
+  shade.from = at - half;
+  shade.to = at + half;
+  // darkness of a square metre on that of the box
+  shade.dark = strength * mass * std::fabs(shadow.run) * size * (shadow.across * size) /
+               most(2.0F * half, 1e-6F);
+  return shade;
+}
+/// The light that is missing once `more` is: of two shadows that meet the darker one counts, so in
+/// parts of a pixel as much as is not dark already.
+THRONG_HOST_DEVICE inline float add_shade(float missing, float more) {
+  constexpr float kDark = 0.5F;  // of what a shadow darkens
+  return missing + most(1.0F - missing * (1.0F / kDark), 0.0F) * more;
+}
+
+/// What a speck's shadow adds at a pixel.
 /// @param x, y  the pixel and the feet, both from the tile's corner.
 THRONG_HOST_DEVICE inline float speck_shadow_at(const SpeckShadow& shadow, float strength,
                                                 float size, float feet_x, float feet_y, int x,
@@ -376,16 +465,10 @@ THRONG_HOST_DEVICE inline float speck_shadow_at(const SpeckShadow& shadow, float
   const float u = shadow.is_tall ? feet_y : feet_x, v = shadow.is_tall ? feet_x : feet_y;
   const auto i = static_cast<float>(shadow.is_tall ? y : x);
   const auto j = static_cast<float>(shadow.is_tall ? x : y);
-  const float length = shadow.run * size;
-  const float low = u + least(length, 0.0F), high = u + most(length, 0.0F);
-  if (i < std::floor(low) || i > std::floor(high)) return 0.0F;
-  const float from_u = most(low, i), to_u = least(high, i + 1.0F);
-  const float deep = (to_u - from_u) * strength;
-  const float middle = v + shadow.slant * (0.5F * (from_u + to_u) - u);
-  const float half = 0.5F * shadow.across * size;
-  const float from = middle - half, to = middle + half;
-  if (j < std::floor(from) || j > std::floor(to)) return 0.0F;
-  return deep * most(least(to, j + 1.0F) - most(from, j), 0.0F);
+  if (i < std::floor(u + size * shadow.low) || i > std::floor(u + size * shadow.high)) return 0.0F;
+  const SpeckShade shade = speck_shade(shadow, strength, size, u, v, i);
+  if (j < std::floor(shade.from) || j > std::floor(shade.to)) return 0.0F;
+  return shade.dark * most(least(shade.to, j + 1.0F) - most(shade.from, j), 0.0F);
 }
 
 /// The pixels of a tile that a speck may cover, inclusive; x_low > x_high: none.
