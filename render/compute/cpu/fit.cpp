@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "render/compute/cpu/kernels.hpp"
+#include "render/compute/cpu/slabs.hpp"
 #include "render/compute/cpu/speck_table.hpp"
 #include "render/compute/cpu/stages.hpp"
 #include "render/compute/element/shared_pose.hpp"
@@ -57,7 +58,7 @@ FrameWork work_of(const std::vector<Sample>& samples, std::uint32_t every, const
                   const Selection& selection, float error_px) {
   const MixedForms& mixed = selection.mixed;
   const float pose_error_px = pose_error_of(error_px);
-  const float slab_px = coarse_px(error_px), least_px = std::max(mixed.least_px, slab_px);
+  const float least_px = std::max(mixed.least_px, coarse_px(error_px));
   double sum[FrameWork::kParts] = {};
   for (const Sample& one : samples) {
     const std::uint32_t step = ErrorTable::step_of(error_px / (one.px_per_m * one.limit));
@@ -68,7 +69,7 @@ FrameWork work_of(const std::vector<Sample>& samples, std::uint32_t every, const
       const float kept = std::min(one.height_px / least_px, 1.0F);
       const float height_px = std::max(one.height_px, least_px);
       sum[FrameWork::kSpecks] += kept * kept;
-      sum[FrameWork::kSpeckRows] += kept * kept * height_px * 0.5F / slab_px;
+      sum[FrameWork::kSpeckRows] += kept * kept * height_px * 0.5F / slab_px(error_px);
       sum[FrameWork::kSpeckPixels] += kept * kept * (height_px + 1.0F) * (0.4F * height_px + 1.5F);
       continue;
     }

@@ -2,6 +2,7 @@
 #include <limits>
 
 #include "render/compute/cpu/kernels.hpp"
+#include "render/compute/cpu/slabs.hpp"
 #include "render/compute/cpu/stages.hpp"
 #include "render/compute/element/rate_search.hpp"
 #include "render/compute/element/shared_pose.hpp"
@@ -115,7 +116,7 @@ void select(CpuView& view, const Selection& asked, Machine machine) {
   } else {
     view.error_px = 0.0F;
   }
-  view.speck_detail = 0.5F / coarse_px(selection.mixed.error_px);
+  view.speck_detail = 0.5F / slab_px(selection.mixed.error_px);
   if (selection.form == FormRule::kMixed && selection.mixed.specks) {
     list_mixed(view, selection.mixed, machine.pool, machine.kernels);
   } else {

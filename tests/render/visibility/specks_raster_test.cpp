@@ -40,7 +40,7 @@ struct Drawn {
 };
 
 Drawn draw(const std::shared_ptr<const Cast>& cast, const Crowd& crowd, double away_m,
-           float error_px, unsigned threads = 2, bool specks = true) {
+           float error_px, unsigned threads = 2, bool specks = true, bool shadows = true) {
   auto pipeline =
       FramePipeline::make(cast, {.raster = RasterKind::kVisibility, .threads = threads});
   EXPECT_TRUE(pipeline.ok()) << pipeline.status();
@@ -49,9 +49,9 @@ Drawn draw(const std::shared_ptr<const Cast>& cast, const Crowd& crowd, double a
   view.camera.target_world = {0.0, 0.0, 0.0};
   view.viewport = {317, 203};
   view.selection.vertex_budget = 20'000'000;
-  view.selection.form = FormRule::kMixed;
+  view.selection.form = specks ? FormRule::kMixed : FormRule::kMesh;  // those at full detail
   view.selection.mixed.error_px = error_px;
-  view.selection.mixed.specks = specks;
+  view.look.shadows = shadows;
   Drawn drawn;
   const absl::Status status = (*pipeline)->render(crowd, 0, view, drawn.picture, drawn.stats);
   EXPECT_TRUE(status.ok()) << status;
@@ -69,14 +69,16 @@ TEST(SpecksRasterTest, CoverAndColourAsMeshesDo) {
   const auto crowd = square(cast, 40);
   const auto nobody = std::make_unique<Crowd>(cast, CrowdSettings{});
   for (const double away_m : {60.0, 120.0}) {
-    const Drawn specks = draw(cast, *crowd, away_m, 1.0F);
-    const Drawn meshes = draw(cast, *crowd, away_m, 0.05F, 2, false);
-    const Drawn empty = draw(cast, *nobody, away_m, 1.0F);
-    EXPECT_GT(specks.stats.counters.drawn_as[static_cast<std::size_t>(Representation::kSpeck)],
-              1000U);
-    const double shown = mean(meshes.picture) - mean(empty.picture);
-    EXPECT_GT(std::abs(shown), 0.5);
-    EXPECT_NEAR(mean(specks.picture) - mean(empty.picture), shown, 0.25 * std::abs(shown));
+    for (const bool shadows : {false, true}) {
+      const Drawn specks = draw(cast, *crowd, away_m, 1.0F, 2, true, shadows);
+      const Drawn meshes = draw(cast, *crowd, away_m, 0.05F, 2, false, shadows);
+      const Drawn empty = draw(cast, *nobody, away_m, 1.0F, 2, true, shadows);
+      EXPECT_GT(specks.stats.counters.drawn_as[static_cast<std::size_t>(Representation::kSpeck)],
+                1000U);
+      const double shown = mean(meshes.picture) - mean(empty.picture);
+      EXPECT_GT(std::abs(shown), 0.5);
+      EXPECT_NEAR(mean(specks.picture) - mean(empty.picture), shown, 0.25 * std::abs(shown));
+    }
   }
 }
 

@@ -257,8 +257,8 @@ struct SpeckLight {
   alignas(64) float row[6][16];
   float tall[kSpeckElevations];  // height here of a picture made at an elevation
   glm::vec2 along, across;       // of a shadow a metre long and wide, pixels for a figure of size 1
-  float shadow;  // share of light it takes where it is darkest, of that of a blob  float detail; //
-                 // rows of slabs, of those that leave nothing to be seen
+  float shadow;                  // how much of it is seen
+  float detail;                  // rows of slabs, of those that leave nothing to be seen
   SpeckProfile profile;
 };
 THRONG_HOST_DEVICE inline void light_row(SpeckLight& light, int k, const SpeckFit& fit,
