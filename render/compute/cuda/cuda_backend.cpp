@@ -131,6 +131,7 @@ struct CudaView final : ViewWork {
   // of the mixed frame
   glm::vec3 forward{0.0F, 1.0F, 0.0F};
   std::shared_ptr<const SpeckStore> speck_store;  // null: nobody is a speck
+  float speck_detail = 1.0F;
   DeviceBuffer<std::uint8_t> fate;
   DeviceBuffer<std::uint32_t> speck_order;
   DeviceBuffer<Speck> specks;
@@ -765,6 +766,7 @@ class CudaBackend final : public ComputeBackend {
       }
       view.speck_store = specks_;
     }
+    view.speck_detail = 0.5F / coarse_px(mixed.error_px);
     const CudaInstances& instances = *view.instances;
     THRONG_CUDA_TRY(view.fate.resize(instances.count), "select");
     THRONG_CUDA_TRY(view.speck_order.resize(instances.count), "select");
@@ -920,6 +922,7 @@ class CudaBackend final : public ComputeBackend {
     const SpeckStore* store = view.speck_store.get();
     view.frame.specks = view.specks.data();
     view.frame.speck_count = store == nullptr ? 0 : view.seen.specks;
+    view.frame.speck_detail = view.speck_detail;
     view.frame.speck_image = store == nullptr ? nullptr : store->image();
     view.frame.speck_slab = store == nullptr ? nullptr : store->slab();
     view.geometry = FrameGeometry();
@@ -1037,6 +1040,7 @@ class CudaBackend final : public ComputeBackend {
     view.geometry.specks = {reinterpret_cast<const Speck*>(base + specks_at), specks};
     view.speck_run[0] = {0, static_cast<std::uint32_t>(specks)};
     if (specks > 0) view.geometry.speck_runs = view.speck_run;
+    view.geometry.speck_detail = view.speck_detail;
     if (view.speck_store != nullptr) view.geometry.speck_table = &view.speck_store->table();
     return absl::OkStatus();
   }

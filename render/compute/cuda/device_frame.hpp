@@ -34,6 +34,7 @@ struct DeviceFrame final : DeviceGeometry {
   std::uint32_t splat_count = 0;
   const Speck* specks = nullptr;
   std::uint32_t speck_count = 0;
+  float speck_detail = 1.0F;                // as FrameGeometry's
   const SpeckImage* speck_image = nullptr;  // of the cast
   const SpeckSlab* speck_slab = nullptr;    // [SpeckLevels::kSlabs] of each image
 };

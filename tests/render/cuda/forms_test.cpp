@@ -221,6 +221,7 @@ std::vector<Scene> mixed_scenes() {
     s.mixed.impostor_px2_us = 0.0001F;
     s.camera.eye_world = {0, -160, 30};
   });
+  add("CoarseSlabs", [](Scene& s) { s.mixed.error_px = 6.0F; });
   add("BeyondItsBudget", [](Scene& s) {
     s.mixed.error_px = 0.1F;
     s.vertex_budget = 12'000;

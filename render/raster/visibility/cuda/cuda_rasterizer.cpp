@@ -470,6 +470,7 @@ absl::Status CudaRasterizer::take_specks(const FrameGeometry& geometry, RasterJo
   }
   job.specks = b.specks.data();
   job.speck_count = static_cast<std::uint32_t>(count);
+  job.speck_detail = geometry.speck_detail;
   return absl::OkStatus();
 }
 
@@ -543,6 +544,7 @@ absl::Status CudaRasterizer::take_geometry(const FrameGeometry& geometry, Raster
     job.splat_count = frame->splat_count;
     job.specks = frame->specks;
     job.speck_count = frame->speck_count;
+    job.speck_detail = frame->speck_detail;
     job.speck_image = frame->speck_image;
     job.speck_slab = frame->speck_slab;
     return absl::OkStatus();

@@ -147,6 +147,7 @@ struct RasterJob {
   // agents of a few pixels
   const Speck* specks = nullptr;  // [S]
   std::uint32_t speck_count = 0;
+  float speck_detail = 1.0F;  // as FrameGeometry's
   const SpeckImage* speck_image = nullptr;
   const SpeckSlab* speck_slab = nullptr;  // [SpeckLevels::kSlabs] of each image
   glm::vec3 camera_up{0.0F, 0.0F, 1.0F};

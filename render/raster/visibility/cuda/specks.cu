@@ -144,7 +144,10 @@ __device__ void make_light(const RasterJob& job, float x_px, float y_px, element
   if (t == 0) element::end_fit(fit);
   __syncthreads();
   if (t < 6) element::light_row(light, static_cast<int>(t), fit, job.scene);
-  if (t == 6) element::light_places(light, view, job.scene, job.grid, x_px, y_px);
+  if (t == 6) {
+    element::light_places(light, view, job.scene, job.grid, x_px, y_px);
+    light.detail = job.speck_detail;
+  }
   __syncthreads();
 }
 
