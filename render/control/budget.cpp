@@ -5,6 +5,7 @@
 #include <string>
 
 #include "render/control/cost_model.hpp"
+#include "render/control/oversampling.hpp"
 #include "render/control/sfsm.hpp"
 #include "render/control/work_model.hpp"
 #include "throng/render/control.hpp"
@@ -45,13 +46,17 @@ class FixedController final : public BudgetController {
 class PredictiveController final : public BudgetController {
  public:
   explicit PredictiveController(const ControlSettings& settings)
-      : settings_(settings), work_model_(settings.cost), budget_(settings.start_budget) {}
+      : settings_(settings),
+        work_model_(settings.cost),
+        oversampling_(settings.most_oversampling),
+        budget_(settings.start_budget) {}
   std::string_view name() const override { return "predictive"; }
   WorkCost learned() const override { return work_model_.cost(); }
 
   void record(const FrameCost& cost) override {
     model_.record(cost);
-    work_model_.record(cost);
+    if (cost.oversampling == 1) work_model_.record(cost);
+    oversampling_.record(cost);
     knows_work_ = cost.work.known;
   }
 
@@ -66,6 +71,8 @@ class PredictiveController final : public BudgetController {
     plan.budget_ms = target_ms;
     plan.least_error_px = settings_.least_error_px;
     plan.cost = work_model_.cost();
+    plan.oversampling = oversampling_.next(target_ms, plan.cost);
+    if (plan.oversampling > 1) plan.cost = oversampling_.cost();
     return plan;
   }
 
@@ -94,6 +101,7 @@ class PredictiveController final : public BudgetController {
   ControlSettings settings_;
   CostModel model_;
   WorkModel work_model_;
+  OversamplingChoice oversampling_;
   bool knows_work_ = false;
   double last_target_ms_ = 0.0;
   std::uint64_t budget_;

@@ -93,7 +93,8 @@ struct RenderLoop::State {
 
   double target_ms(Clock::time_point now) const;
   render::FramePlan controlled_plan(const Recipients& recipients, Clock::time_point now);
-  void record(const Recipients& recipients, const render::FrameStats& stats);
+  void record(const Recipients& recipients, const render::FrameStats& stats,
+              std::uint32_t oversampling);
 
   const RenderLoopOptions options;
 
@@ -107,6 +108,7 @@ struct RenderLoop::State {
   std::string compute_name, raster_name, raster_detail;
   std::vector<std::shared_ptr<Viewer>> viewers;
   std::unordered_map<const Viewer*, ViewControl> controls;  // of viewers that name no budget
+  render::WorkCost learned;  // by the last of them: what the next one starts from
   std::deque<std::pair<PictureRequest, PictureDone>> pictures;
   std::optional<EncodeJob> job;
   std::vector<render::Picture> spare_pictures;
@@ -376,6 +378,7 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
       settings.selection.mixed.budget_ms = plan.budget_ms;
       settings.selection.mixed.least_error_px = plan.least_error_px;
       settings.selection.mixed.cost = plan.cost;
+      settings.oversampling = plan.oversampling;
     }
     settings.selection.point_size_px = plan.point_size_px;
     next.target_ms = plan.budget_ms;
@@ -402,7 +405,7 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
     fail(recipients, status);
     return;
   }
-  if (controlled) record(recipients, next.frame->stats);
+  if (controlled) record(recipients, next.frame->stats, settings.oversampling);
   next.frame->viewport = view.viewport;
   next.frame->camera = settings.camera;
   next.frame->overview = overview;
@@ -423,6 +426,7 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   // One picture may wait for the encoder; rendering further ahead would only add lag.
   std::unique_lock lock(mutex);
   ++counters.rendered_frames;
+  if (settings.oversampling > 1) ++counters.oversampled_frames;
   if (!next.recipients.viewers.empty()) {
     counters.shared_frames += next.recipients.viewers.size() - 1;
   }
@@ -463,7 +467,11 @@ render::FramePlan RenderLoop::State::controlled_plan(const Recipients& recipient
     ViewControl& control = controls[viewer.get()];
     if (control.controller == nullptr) {
       control.controller = render::make_controller(
-          {.kind = options.controller, .start_budget = options.default_vertex_budget});
+          {.kind = options.controller,
+           .start_budget = options.default_vertex_budget,
+           .cost = learned,
+           // a device's pictures stay there, which means of four would not
+           .most_oversampling = compute_name == "cpu" && !options.form.has_value() ? 2U : 1U});
     }
     control.drawn = now;
     control.frame = counters.rendered_frames + counters.failed_frames;  // attempts so far
@@ -474,7 +482,8 @@ render::FramePlan RenderLoop::State::controlled_plan(const Recipients& recipient
   return first->second.controller->next_plan(target_ms(now));
 }
 
-void RenderLoop::State::record(const Recipients& recipients, const render::FrameStats& stats) {
+void RenderLoop::State::record(const Recipients& recipients, const render::FrameStats& stats,
+                               std::uint32_t oversampling) {
   const render::StageTimes& times = stats.times;
   const render::FrameCost cost{.frame_ms = times.advance_ms + times.cull_ms + times.select_ms +
                                            times.allocate_ms + times.generate_ms + times.raster_ms +
@@ -482,11 +491,15 @@ void RenderLoop::State::record(const Recipients& recipients, const render::Frame
                                .visible = stats.counters.visible,
                                .vertices = stats.counters.vertices,
                                .farthest_m = stats.counters.farthest_m,
-                               .work = stats.counters.work};
+                               .work = stats.counters.work,
+                               .error_px = stats.counters.error_px,
+                               .oversampling = oversampling};
   const std::lock_guard lock(mutex);
   for (const auto& [viewer, index] : recipients.viewers) {
     const auto control = controls.find(viewer.get());
-    if (control != controls.end()) control->second.controller->record(cost);
+    if (control == controls.end()) continue;
+    control->second.controller->record(cost);
+    learned = control->second.controller->learned();
   }
 }
 

@@ -30,7 +30,8 @@ struct RenderLoopOptions {
 
 struct RenderLoopCounters {
   std::uint64_t rendered_frames = 0;
-  std::uint64_t shared_frames = 0;  // deliveries that cost no rendering
+  std::uint64_t oversampled_frames = 0;  // of those rendered, with 16 samples a pixel
+  std::uint64_t shared_frames = 0;       // deliveries that cost no rendering
   std::uint64_t failed_frames = 0;
   std::uint64_t encoded_bytes = 0;
 };

@@ -74,6 +74,8 @@ std::string metrics_text(Services& services, std::size_t web_connections) {
   out.single("throng_web_connections", "gauge", "Connections at the web door.", web_connections);
   const RenderLoopCounters loop = services.loop->counters();
   out.single("throng_rendered_frames_total", "counter", "Frames drawn.", loop.rendered_frames);
+  out.single("throng_oversampled_frames_total", "counter",
+             "Rendered frames that had time for 16 samples a pixel.", loop.oversampled_frames);
   out.single("throng_shared_frames_total", "counter", "Frames sent that cost no drawing.",
              loop.shared_frames);
   out.single("throng_failed_frames_total", "counter", "Frames that could not be drawn or encoded.",

@@ -135,6 +135,7 @@ class Runner {
     settings.most_budget = settings.start_budget;
     settings.least_error_px = 0.004F;  // whatever time there is, it is to be spent
     settings.cost = cost_;
+    settings.most_oversampling = 1;  // as the others draw it
     const auto controller = make_controller(settings);
     const bool original = way.kind != ControllerKind::kPredictive;
     for (const Segment& segment : segments) {

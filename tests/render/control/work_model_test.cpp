@@ -34,16 +34,28 @@ struct Machine {
     return work;
   }
 
+  FrameWork work_of(const FramePlan& plan, double error_px) const {
+    FrameWork result = work(error_px);
+    if (plan.oversampling == 1) return result;
+    for (const auto part : {FrameWork::kSpeckPixels, FrameWork::kMeshPixels})
+      result.part[part] *= 4;
+    for (const auto part : {FrameWork::kSpeckRows, FrameWork::kMeshEdges}) result.part[part] *= 2;
+    return result;
+  }
+
   FrameCost draw(const FramePlan& plan) const {
     EXPECT_TRUE(plan.mixed);
     double low = static_cast<double>(plan.least_error_px), high = 4.0;
     for (int i = 0; i < 40; ++i) {
       const double middle = std::sqrt(low * high);
-      (plan.cost.of(work(middle)) > plan.budget_ms ? low : high) = middle;
+      (plan.cost.of(work_of(plan, middle)) > plan.budget_ms ? low : high) = middle;
     }
     FrameCost cost;
-    cost.work = work(high);
+    cost.work = work_of(plan, high);
+    cost.error_px = static_cast<float>(high);
+    cost.oversampling = plan.oversampling;
     WorkCost truth;
+    if (plan.oversampling > 1) truth.fixed_ms *= 4.0;
     truth.ms[FrameWork::kOwnVertices] *= vertex_times;
     truth.ms[FrameWork::kSharedVertices] *= vertex_times;
     truth.ms[FrameWork::kMeshEdges] *= vertex_times;
@@ -128,6 +140,42 @@ TEST(WorkModelTest, NextViewStartsFromWhatWasLearned) {
   const auto next = make_controller(
       {.kind = ControllerKind::kPredictive, .least_error_px = 0.004F, .cost = first->learned()});
   EXPECT_NEAR(machine.draw(next->next_plan(100.0)).frame_ms, 100.0, 5.0);
+}
+
+TEST(OversamplingTest, TimeThatIsLeftIsSpentOnSamplesAndTakenFromThemFirst) {
+  const auto controller = predictive();
+  const Machine machine{.agents = 500, .pixels = 0.1e6, .times = 1.2};
+  settling(*controller, machine, 200.0, 40);
+  EXPECT_EQ(controller->next_plan(200.0).oversampling, 2U);
+  // they stay as long as there is time
+  settling(*controller, machine, 200.0, 40);
+  EXPECT_EQ(controller->next_plan(200.0).oversampling, 2U);
+  EXPECT_EQ(controller->next_plan(10.0).oversampling, 1U);
+}
+
+TEST(OversamplingTest, DoesNotComeAndGo) {
+  for (const double target_ms : {20.0, 30.0, 40.0, 60.0, 80.0, 120.0}) {
+    const auto controller = predictive();
+    Machine machine{.agents = 2000, .pixels = 0.3e6};
+    std::uint32_t last = 1;
+    int changes = 0;
+    for (int i = 0; i < 1000; ++i) {
+      machine.times = i % 7 == 0 ? 1.1 : 1.0;  // a machine that others use too
+      const FramePlan plan = controller->next_plan(target_ms);
+      changes += plan.oversampling != last ? 1 : 0;
+      last = plan.oversampling;
+      controller->record(machine.draw(plan));
+    }
+    EXPECT_LE(changes, 12) << target_ms;
+  }
+}
+
+TEST(OversamplingTest, WhoDoesNotWantItHasNone) {
+  const auto controller =
+      make_controller({.kind = ControllerKind::kPredictive, .most_oversampling = 1});
+  const Machine machine{.agents = 100, .pixels = 0.1e6};
+  settling(*controller, machine, 300.0, 60);
+  EXPECT_EQ(controller->next_plan(300.0).oversampling, 1U);
 }
 
 TEST(WorkModelTest, NumbersThatAreNoneChangeNothing) {

@@ -25,6 +25,9 @@ struct ControlSettings {
   std::uint64_t most_budget = 20'000'000;
   float least_error_px = 0.05F;  // kPredictive spends no time on what is less off
   WorkCost cost{};               // what it starts from: of another view of this machine, if known
+  // kPredictive: samples a pixel are multiplied (ViewSettings::oversampling) where the target
+  // leaves time for it; 1: never
+  std::uint32_t most_oversampling = 2;
   // kSfsm
   float k_per_m = 0.075F;       // how fast far agents' motion gets rare, 0.05 to 0.1
   float settled_m = 15.0F;      // h: steps of the learned distance under this end the learning
@@ -39,6 +42,8 @@ struct FrameCost {
   std::uint64_t vertices = 0;  // drawn; under the budget where the crowd has no more detail
   double farthest_m = 0;       // L: farthest agent in view; 0: not known
   FrameWork work{};
+  float error_px = 0.0F;           // chosen for the time, of the picture's pixels; 0: not known
+  std::uint32_t oversampling = 1;  // it was drawn with
 };
 
 /// What a view's next frame is drawn with.
@@ -50,6 +55,7 @@ struct FramePlan {
   double budget_ms = 0.0;
   float least_error_px = 0.05F;
   WorkCost cost{};
+  std::uint32_t oversampling = 1;
   bool points = false;             // agents are drawn by points instead of meshes
   float point_size_px = 1.25F;     // then
   float motion_distance_m = 0.0F;  // who is farther is posed less often; 0: all in every frame
