@@ -176,6 +176,13 @@ SpeckSlab average(const Sums& sums, const Cells& cells, const View& view, float 
   return slab;
 }
 
+/// The clip of a picture's pose; null: standing or walking.
+const element::ClipRange* action_of(const element::Gait& gait, std::uint32_t pose) {
+  if (pose <= element::kSpeckPhases) return nullptr;
+  const std::uint32_t code = pose - element::kSpeckPhases - 1 + element::kSpeckFirstAction;
+  return &gait.action[code - 1].clip;
+}
+
 void pose_points(const Kernels& kernels, const CharacterTable& table, std::uint32_t pose,
                  WorkerScratch& scratch, std::vector<PosedPoint>& points) {
   const SurfacePoints& surface = table.character->points;
@@ -183,8 +190,12 @@ void pose_points(const Kernels& kernels, const CharacterTable& table, std::uint3
   element::InstanceState state{};
   state.placement = {1.0F, 0.0F, 1.0F};
   const std::uint32_t step = element::kPhases / element::kSpeckPhases;
-  state.pose = element::shared_pose(
-      table.gait, pose == 0 ? 0 : element::kPhases * element::kShares + (pose - 1) * step);
+  if (const element::ClipRange* clip = action_of(table.gait, pose)) {
+    state.pose.a_frame0 = state.pose.a_frame1 = clip->first_frame + clip->frame_count / 4;
+  } else {
+    state.pose = element::shared_pose(
+        table.gait, pose == 0 ? 0 : element::kPhases * element::kShares + (pose - 1) * step);
+  }
   VisibleInstance instance{};
   instance.vertex_count = count;
   scratch.vertices.resize(count);
@@ -248,6 +259,8 @@ std::shared_ptr<const SpeckTable> make_speck_table(const std::shared_ptr<const C
     const auto pose = static_cast<std::uint32_t>(job % element::kSpeckPoses);
     if (table->has_images[c] == 0) return;
     const CharacterTable& character = cast->characters[c];
+    const element::ClipRange* action = action_of(character.gait, pose);
+    if (action != nullptr && action->frame_count == 0) return;  // nobody is told to
     const float height_m = std::max(character.character->height_m, 0.05F);
     std::vector<PosedPoint> points;
     pose_points(machine.kernels, character, pose, scratch[worker], points);

@@ -13,8 +13,12 @@ namespace throng::render::element {
 /// Who is a few pixels high is drawn from a picture of a few slabs (SpeckTable). A character has
 /// one for each of these poses, elevations and azimuths.
 inline constexpr std::uint32_t kSpeckPhases = 8;
-inline constexpr std::uint32_t kSpeckPoses = 1 + kSpeckPhases;  // standing, then a walk's phases
-inline constexpr std::uint32_t kSpeckElevations = 4;            // 0, 25, 50, 75 degrees
+// Actions of the cast's motion graph that have a picture, by their codes: to sit, to cheer, to wave.
+// Who talks or phones stands.
+inline constexpr std::uint32_t kSpeckFirstAction = 2, kSpeckActions = 3;
+// standing, then a walk's phases, then what the character may do beside: one moment of each
+inline constexpr std::uint32_t kSpeckPoses = 1 + kSpeckPhases + kSpeckActions;
+inline constexpr std::uint32_t kSpeckElevations = 4;  // 0, 25, 50, 75 degrees
 inline constexpr std::uint32_t kSpeckAzimuths = 16;
 inline constexpr std::uint32_t kSpeckImages = kSpeckPoses * kSpeckElevations * kSpeckAzimuths;
 
@@ -60,7 +64,10 @@ THRONG_HOST_DEVICE inline std::uint32_t gait_speck_pose(const Gait& gait, float 
 }
 
 THRONG_HOST_DEVICE inline std::uint32_t speck_pose(const Pose& pose, const Gait& gait) {
-  if (pose.action != 0) return 0;  // stands, or sits a pixel lower
+  if (pose.action != 0) {
+    const std::uint32_t picture = pose.action - kSpeckFirstAction;
+    return picture < kSpeckActions ? 1 + kSpeckPhases + picture : 0;
+  }
   const ClipRange& walk = gait.walk.frame_count != 0 ? gait.walk : gait.run;
   const std::uint32_t frame = pose.a_frame0 - walk.first_frame;
   if (pose.a_frame0 < walk.first_frame || frame >= walk.frame_count) return 0;
@@ -122,8 +129,8 @@ THRONG_HOST_DEVICE inline SpeckFate speck_fate(const SpeckRule& rule, const Spec
   const float speck_us =
       fused(mixed.speck_px2_us, place.height_px * place.height_px, mixed.speck_us);
   const float mesh_us = fused(mixed.mesh_vertex_us, static_cast<float>(vertices), mixed.mesh_us);
-  // who sits or cheers is shown standing: that shows sooner
-  const bool is_small = place.height_px * (0.9F + 0.2F * own) * (acts ? 2.5F : 1.0F) <
+  // who waves or cheers is shown in one moment of it: that shows sooner
+  const bool is_small = place.height_px * (0.9F + 0.2F * own) * (acts ? 1.5F : 1.0F) <
                         mixed.error_px / mixed.speck_error;
   if (!is_small || !(speck_us < mesh_us)) return SpeckFate::kListed;
   const float kept = place.height_px / mixed.least_px;
