@@ -505,6 +505,7 @@ void Crowd::reset() {
   packed_.clear();
   history_bytes_ = raw_bytes_ = 0;
   environment_.reset();
+  identity_ = std::make_shared<char>();
   membership_.reset();
   slot_of_column_.clear();
   slot_of_id_.clear();
@@ -512,6 +513,11 @@ void Crowd::reset() {
   moved_.clear();
   way_mps_.clear();
   motion_since_us_.clear();
+}
+
+std::shared_ptr<const void> Crowd::identity() const {
+  const std::lock_guard lock(mutex_);
+  return identity_;
 }
 
 }  // namespace throng::render

@@ -16,13 +16,14 @@ constexpr std::size_t kCrowds = 4;  // that are remembered
 }  // namespace
 
 struct FarCrowd::Entry {
-  const Crowd* crowd = nullptr;
+  std::weak_ptr<const void> crowd;  // Crowd::identity
   std::unique_ptr<TriangulationWorker> worker;
   std::shared_ptr<const Snapshot> asked;   // last one that the worker was given
   std::shared_ptr<const Snapshot> waited;  // last one that was waited for
   std::shared_ptr<const Triangulation> at_waited;
   std::shared_ptr<const Roster> roster;
   FarAgents agents;
+  bool has_figures = false;  // of all of these
 };
 
 FarCrowd::FarCrowd(std::shared_ptr<const Cast> cast, CrowdCloud cloud, FarFigures figures,
@@ -38,7 +39,7 @@ absl::StatusOr<std::unique_ptr<FarCrowd>> FarCrowd::make(std::shared_ptr<const C
                                                          unsigned threads) {
   auto cloud = make_crowd_cloud(*cast);
   if (!cloud.ok()) return cloud.status();
-  auto figures = make_far_figures(*cast);
+  auto figures = begin_far_figures(*cast);
   if (!figures.ok()) return figures.status();
   return std::unique_ptr<FarCrowd>(
       new FarCrowd(std::move(cast), *std::move(cloud), *std::move(figures), threads));
@@ -84,18 +85,21 @@ std::shared_ptr<const Triangulation> FarCrowd::triangulation_of(Entry& entry, co
 
 absl::Status FarCrowd::generate(const Crowd& crowd, std::int64_t scene_time_us, FarView view,
                                 const FarSettings& settings, std::vector<Splat>& splats,
-                                FarCounters& counters) {
+                                std::vector<Speck>& shadows, FarCounters& counters) {
   splats.clear();
+  shadows.clear();
   counters = {};
   const Bracket bracket = crowd.bracket(scene_time_us);
   if (bracket.older == nullptr) return absl::OkStatus();
+  const std::shared_ptr<const void> identity = crowd.identity();
+  std::erase_if(entries_, [](const auto& entry) { return entry->crowd.expired(); });
   auto found = std::find_if(entries_.begin(), entries_.end(),
-                            [&](const auto& entry) { return entry->crowd == &crowd; });
+                            [&](const auto& entry) { return entry->crowd.lock() == identity; });
   if (found == entries_.end()) {
     if (entries_.size() >= kCrowds) entries_.pop_back();
     entries_.push_back(std::make_unique<Entry>());
     found = entries_.end() - 1;
-    (*found)->crowd = &crowd;
+    (*found)->crowd = identity;
   }
   std::rotate(entries_.begin(), found, found + 1);
   Entry& entry = *entries_.front();
@@ -104,6 +108,11 @@ absl::Status FarCrowd::generate(const Crowd& crowd, std::int64_t scene_time_us, 
   if (entry.roster != triangulation->roster) {
     entry.agents = make_far_agents(*cast_, cloud_, *triangulation->roster);
     entry.roster = triangulation->roster;
+    entry.has_figures = false;
+  }
+  if (!settings.published && !entry.has_figures) {
+    add_far_figures(*cast_, entry.agents.member, figures_);
+    entry.has_figures = true;
   }
   const double age_s = 1e-6 * static_cast<double>(std::abs(scene_time_us - triangulation->time_us));
   view.walked_m = kLeastWalkedM + kWalkMps * static_cast<float>(std::min(age_s, 60.0));
@@ -122,7 +131,15 @@ absl::Status FarCrowd::generate(const Crowd& crowd, std::int64_t scene_time_us, 
     generate_far(plan_, entry.agents, cloud_, places_, view, *pool_, splats);
   }
   counters.visible = plan_.visible();
-  for (const FarPlace& place : places_) counters.drawn += place.visible;
+  const glm::dvec3 eye_m = view.eye_world - view.origin_world;
+  for (std::size_t i = 0; i < places_.size(); ++i) {
+    if (places_[i].visible == 0) continue;
+    ++counters.drawn;
+    Speck shadow{};
+    shadow.position_relative = glm::vec3(glm::dvec3(places_[i].position_m) - eye_m);
+    shadow.height_m = entry.agents.height_m[plan_.shares()[i].agent];
+    shadows.push_back(shadow);
+  }
   return absl::OkStatus();
 }
 

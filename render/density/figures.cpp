@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "render/crowd/motion_graph.hpp"
 #include "render/density/samples.hpp"
@@ -60,6 +61,12 @@ std::vector<std::uint32_t> cluster(const std::vector<Sample>& samples, std::uint
       if (members[i] > 0.0F) set(i, position[i] / members[i], normal[i] / members[i]);
     }
   }
+}
+
+constexpr std::size_t kOfMember = std::size_t{FarFigures::kPoses} * FarFigures::kPointsOfAll;
+
+bool has_figure(const CastMember& member) {
+  return !member.environment && member.character.points.count() != 0;
 }
 
 std::uint32_t packed_regions(const glm::vec4& regions) {
@@ -126,19 +133,47 @@ std::uint32_t FarFigures::level_of(std::uint32_t points) {
 
 const FarFigures::Point* FarFigures::level(std::uint32_t member, std::uint32_t pose,
                                            std::uint32_t level) const {
-  std::size_t first = (std::size_t{member} * kPoses + pose) * kPointsOfAll;
+  std::size_t first = (std::size_t{block[member]} * kPoses + pose) * kPointsOfAll;
   for (std::uint32_t k = 0; k < level; ++k) first += kCounts[k];
   return points.data() + first;
 }
 
-absl::StatusOr<FarFigures> make_far_figures(const Cast& cast) {
+absl::StatusOr<FarFigures> begin_far_figures(const Cast& cast) {
+  if (std::none_of(cast.members.begin(), cast.members.end(), has_figure)) {
+    return absl::InvalidArgumentError(absl::StrCat("make_far_figures: none of the cast's ",
+                                                   cast.members.size(),
+                                                   " members has surface points; bake it again"));
+  }
   FarFigures figures;
-  figures.points.resize(cast.members.size() * FarFigures::kPoses * FarFigures::kPointsOfAll);
-  bool any = false;
-  for (std::size_t m = 0; m < cast.members.size(); ++m) {
+  figures.points.resize(kOfMember);
+  figures.block.assign(cast.members.size(), FarFigures::kNobody);
+  return figures;
+}
+
+absl::StatusOr<FarFigures> make_far_figures(const Cast& cast) {
+  auto figures = begin_far_figures(cast);
+  if (!figures.ok()) return figures.status();
+  std::vector<std::uint16_t> all(cast.members.size());
+  std::iota(all.begin(), all.end(), std::uint16_t{0});
+  add_far_figures(cast, all, *figures);
+  return figures;
+}
+
+void add_far_figures(const Cast& cast, std::span<const std::uint16_t> members,
+                     FarFigures& figures) {
+  for (const std::uint16_t m : members) {
+    if (m >= cast.members.size() || figures.block[m] != FarFigures::kNobody ||
+        !has_figure(cast.members[m])) {
+      continue;
+    }
+    const auto made = static_cast<std::uint32_t>(figures.points.size() / kOfMember) - 1;
+    if (made >= FarFigures::kMostMembers) {
+      figures.block[m] = 1 + m % made;
+      continue;
+    }
+    figures.block[m] = made + 1;
+    figures.points.resize(figures.points.size() + kOfMember);
     const Character& character = cast.members[m].character;
-    if (cast.members[m].environment || character.points.count() == 0) continue;
-    any = true;
     const element::Gait gait = gait_of(character);
     const element::ClipRange& walk = gait.walk.frame_count != 0 ? gait.walk : gait.run;
     std::vector<std::vector<Sample>> poses;
@@ -150,8 +185,7 @@ absl::StatusOr<FarFigures> make_far_figures(const Cast& cast) {
       poses.push_back(surface_samples(character, kSamples, frame));
     }
     const float area = seen_area_of(character), surface = surface_area(character);
-    FarFigures::Point* first =
-        figures.points.data() + m * FarFigures::kPoses * FarFigures::kPointsOfAll;
+    FarFigures::Point* first = figures.points.data() + figures.block[m] * kOfMember;
     for (const std::uint32_t wanted : FarFigures::kCounts) {
       // a character with fewer points has the rest of a level's nowhere: they are not seen
       const auto count = std::min(wanted, static_cast<std::uint32_t>(poses[0].size()));
@@ -175,12 +209,6 @@ absl::StatusOr<FarFigures> make_far_figures(const Cast& cast) {
       first += wanted;
     }
   }
-  if (!any) {
-    return absl::InvalidArgumentError(absl::StrCat("make_far_figures: none of the cast's ",
-                                                   cast.members.size(),
-                                                   " members has surface points; bake it again"));
-  }
-  return figures;
 }
 
 }  // namespace throng::render

@@ -114,7 +114,8 @@ struct FramePipeline::State {
   unsigned threads = 0;
   std::unique_ptr<FarCrowd> far;  // made when it is first asked for
   std::vector<Splat> splats;      // of a frame with a far crowd
-  Picture large;                  // of a frame that is oversampled
+  std::vector<Speck> far_shadows;
+  Picture large;  // of a frame that is oversampled
   std::unique_ptr<WorkPool> pool;
 
   // Environments whose pieces follow the characters in the uploaded cast.
@@ -214,7 +215,8 @@ struct FramePipeline::State {
       far = *std::move(made);
     }
     FarCounters counters;
-    if (absl::Status status = far->generate(crowd, scene_time_us, view, settings, splats, counters);
+    if (absl::Status status =
+            far->generate(crowd, scene_time_us, view, settings, splats, far_shadows, counters);
         !status.ok()) {
       return status;
     }
@@ -223,6 +225,7 @@ struct FramePipeline::State {
     stats.counters.vertices += splats.size();
     splats.insert(splats.end(), geometry.splats.begin(), geometry.splats.end());
     geometry.splats = splats;
+    geometry.shadows = far_shadows;
     return absl::OkStatus();
   }
 

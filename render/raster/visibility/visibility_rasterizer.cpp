@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "render/compute/cpu/levels.hpp"
+#include "render/compute/cpu/speck_table.hpp"
 #include "render/compute/cpu/work_pool.hpp"
 #include "render/compute/element/hash.hpp"
 #include "render/raster/element/figure_shadow.hpp"
@@ -190,6 +191,12 @@ class VisibilityRasterizer final : public Rasterizer {
   SplatStage splats_;
   SpeckStage specks_;
   SpeckScene speck_scene_{};
+  // of who is drawn by splats: specks of which nothing but the shadow is drawn
+  SpeckStage splat_shadows_;
+  SpeckTable shadow_table_;
+  std::vector<SpeckRun> shadow_runs_;
+  FrameGeometry shadows_of(const FrameGeometry& geometry) const;
+  void place_shadows(const FrameGeometry& geometry);
   std::vector<std::uint8_t> double_sided_;  // by character
   std::vector<Cutout> cutouts_;             // by character; no flags: no triangle has holes
 
@@ -273,8 +280,8 @@ RasterCounters VisibilityRasterizer::counters() const {
     add(projected->inverse_w);
   }
   for (const TriangleList& list : lists_) sum.size_bytes += list.size_bytes();
-  sum.size_bytes += splats_.size_bytes() + specks_.size_bytes() + bins_.size_bytes() +
-                    blob_bins_.size_bytes() + caster_bins_.size_bytes();
+  sum.size_bytes += splats_.size_bytes() + specks_.size_bytes() + splat_shadows_.size_bytes() +
+                    bins_.size_bytes() + blob_bins_.size_bytes() + caster_bins_.size_bytes();
   add(blobs_);
   add(figure_first_);
   add(figure_next_);
@@ -1053,6 +1060,10 @@ void VisibilityRasterizer::add_background(const SceneFrame& scene, std::size_t t
     specks_.shade(tile, tile_x_px, tile_y_px, geometry, scratch.speck,
                   scratch.missing);
   }
+  if (splat_shadows_.any(tile)) {
+    splat_shadows_.shade(tile, tile_x_px, tile_y_px, shadows_of(geometry), speck_scene_,
+                         scratch.speck, scratch.missing);
+  }
   for (int y = 0; y < height; ++y) {
     const float* share = scratch.background_share + y * kTilePx;
     bool any = false;
@@ -1094,6 +1105,25 @@ void VisibilityRasterizer::blend_specks(const FrameGeometry& geometry, std::size
       }
     }
   }
+}
+
+FrameGeometry VisibilityRasterizer::shadows_of(const FrameGeometry& geometry) const {
+  FrameGeometry shadows;
+  shadows.specks = geometry.shadows;
+  shadows.speck_runs = shadow_runs_;
+  shadows.speck_table = &shadow_table_;
+  return shadows;
+}
+
+void VisibilityRasterizer::place_shadows(const FrameGeometry& geometry) {
+  constexpr std::uint32_t kRun = 4096;
+  if (shadow_table_.image.empty()) shadow_table_.image.push_back({-0.2F, 0.2F, 0.0F, 1.0F});
+  shadow_runs_.clear();
+  const auto count = static_cast<std::uint32_t>(geometry.shadows.size());
+  for (std::uint32_t i = 0; i < count; i += kRun) {
+    shadow_runs_.push_back({i, std::min(kRun, count - i)});
+  }
+  splat_shadows_.place(shadows_of(geometry), speck_scene_, tiles_x_, tiles_y_, pool_);
 }
 
 void VisibilityRasterizer::prefetch(const FrameGeometry& geometry,
@@ -1171,7 +1201,7 @@ void VisibilityRasterizer::draw_tile(const FrameGeometry& geometry, const SceneF
     }
   }
   if (has_splats) splats_.draw(tile, tile_x, tile_y, scratch.planes);
-  if (empty && !has_specks &&
+  if (empty && !has_specks && !splat_shadows_.any(tile) &&
       (!scene.shadows || count_ == 0 ||
        (blob_bins_.of(tile).empty() && caster_bins_.of(tile).empty()))) {
     for (int y = 0; y < height; ++y) {
@@ -1289,14 +1319,18 @@ absl::Status VisibilityRasterizer::draw(const FrameGeometry& geometry, const Cam
                     tiles_y_, pool_);
     }
     specks_.clear();
-    if (!geometry.speck_runs.empty()) {
+    splat_shadows_.clear();
+    if (!geometry.speck_runs.empty() || !geometry.shadows.empty()) {
       speck_scene_ = {&scene,
                       &grid_,
                       glm::vec3(glm::transpose(glm::mat3(view_from_relative(camera)))[1]),
                       geometry.speck_detail,
                       {look.channel_low, look.channel_high, look.color_by_channel}};
+    }
+    if (!geometry.speck_runs.empty()) {
       specks_.place(geometry, speck_scene_, tiles_x_, tiles_y_, pool_);
     }
+    if (!geometry.shadows.empty() && scene.shadows) place_shadows(geometry);
     pool_.run(std::size_t{tiles_x_} * tiles_y_, [&](std::size_t tile, unsigned worker) {
       draw_tile(geometry, scene, viewport, tile, *scratch_[worker], picture);
     });

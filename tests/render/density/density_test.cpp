@@ -213,6 +213,38 @@ TEST(FarFiguresTest, EachHasItsShapeInEveryNumberOfPoints) {
   EXPECT_EQ(all, FarFigures::kPointsOfAll);
 }
 
+TEST(FarFiguresTest, AreMadeOfThoseWhoOccur) {
+  const auto cast = cast_with_points();
+  auto figures = begin_far_figures(*cast);
+  ASSERT_TRUE(figures.ok()) << figures.status();
+  const std::size_t none = figures->points.size();
+  const std::uint16_t second[] = {1, 1};
+  add_far_figures(*cast, second, *figures);
+  EXPECT_EQ(figures->points.size(), 2 * none);
+  add_far_figures(*cast, second, *figures);
+  EXPECT_EQ(figures->points.size(), 2 * none);
+  EXPECT_NE(figures->level(1, 0, 0)->radius, 0.0F);
+  EXPECT_EQ(figures->level(0, 0, 0)->radius, 0.0F);
+  const auto all = make_far_figures(*cast);
+  EXPECT_EQ(figures->level(1, 3, 5)->position, all->level(1, 3, 5)->position);
+}
+
+TEST(FarFiguresTest, ThereAreNoMoreThanTheirLimit) {
+  Cast cast;
+  const auto two = cast_with_points();
+  for (std::uint32_t m = 0; m < FarFigures::kMostMembers + 2; ++m)
+    cast.members.push_back(two->members[1]);
+  FarFigures figures = *begin_far_figures(cast);
+  // as if so many had come: their making is slow
+  const std::size_t one = figures.points.size();
+  figures.points.resize((1 + FarFigures::kMostMembers) * one);
+  const std::uint16_t late[] = {3};
+  add_far_figures(cast, late, figures);
+  EXPECT_EQ(figures.points.size(), (1 + FarFigures::kMostMembers) * one);
+  EXPECT_NE(figures.block[3], FarFigures::kNobody);
+  EXPECT_LE(figures.block[3], FarFigures::kMostMembers);
+}
+
 TEST(CrowdCloudTest, CastWithoutPointsIsRefused) {
   Cast cast;
   cast.members.push_back({*make_character(test::make_tiny_character()), 1.0F});

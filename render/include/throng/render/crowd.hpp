@@ -137,8 +137,13 @@ class Crowd {
   const CrowdSettings& settings() const { return settings_; }
   const Cast& cast() const { return *cast_; }
 
-  /// A producer starts again: history, slots and environment are forgotten.
+  /// A producer starts again: history, slots and environment are forgotten, and the crowd is
+  /// another one to who asks for its identity.
   void reset();
+
+  /// What tells this crowd from all others, also from later ones at its address: it expires with
+  /// the crowd.
+  std::shared_ptr<const void> identity() const;
 
  private:
   struct Derive;
@@ -153,6 +158,7 @@ class Crowd {
   std::mutex push_mutex_;
   mutable std::mutex mutex_;  // guards history_, history_bytes_, counters_ and environment_
   std::shared_ptr<const Environment> environment_;
+  std::shared_ptr<const void> identity_ = std::make_shared<char>();
   std::deque<std::shared_ptr<const Snapshot>> history_;
   std::deque<std::shared_ptr<const PackedSnapshots>> packed_;  // older than history_
   std::size_t raw_bytes_ = 0;  // of history_bytes_, those of history_

@@ -102,7 +102,12 @@ struct FarFigures {
     std::uint32_t regions;  // tint mask, 8 bits each
   };
 
-  std::vector<Point> points;  // [members][kPoses][kPointsOfAll]
+  static constexpr std::uint32_t kNobody = 0;
+  static constexpr std::uint32_t kMostMembers = 256;  // 165 MB
+
+  // [1 + members made][kPoses][kPointsOfAll]; the first ones are nowhere: of who has no surface
+  std::vector<Point> points;
+  std::vector<std::uint32_t> block;  // [members] of points
 
   /// Which of kCounts is the largest with at most so many points (at least 1).
   static std::uint32_t level_of(std::uint32_t points);
@@ -111,6 +116,15 @@ struct FarFigures {
 
 /// InvalidArgument where no member of the cast has surface points; members without are empty.
 absl::StatusOr<FarFigures> make_far_figures(const Cast& cast);
+
+/// Figures of nobody yet.
+absl::StatusOr<FarFigures> begin_far_figures(const Cast& cast);
+
+/// Makes the figures of those members that occur and are not made yet: 643 KB and a few tens of
+/// milliseconds each. Beyond kMostMembers who comes takes the figure of one that is there, in his
+/// own height and colours.
+/// @param members  of the cast, any number of times
+void add_far_figures(const Cast& cast, std::span<const std::uint16_t> members, FarFigures& figures);
 
 /// What is known of the agents once they are there: size, and the colours that they wear. [A]
 struct FarAgents {

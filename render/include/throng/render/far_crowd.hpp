@@ -34,9 +34,10 @@ class FarCrowd {
 
   /// The splats of everybody in view beyond view.least_m. InvalidArgument for a budget of 0.
   /// Someone who came since the last triangulation is not among them yet.
+  /// @param shadows  feet and height of everybody who has points.
   absl::Status generate(const Crowd& crowd, std::int64_t scene_time_us, FarView view,
                         const FarSettings& settings, std::vector<Splat>& splats,
-                        FarCounters& counters);
+                        std::vector<Speck>& shadows, FarCounters& counters);
 
  private:
   struct Entry;  // of one crowd
