@@ -63,6 +63,7 @@ absl::StatusOr<SourceCharacter> load(const Job& job, const JobOptions& options) 
   }
   ImportOptions import_options;
   import_options.clip_files = options.clip_files;
+  if (options.bake.height_m > 0.0F) import_options.height_m = options.bake.height_m;
   return import_gltf(job.path, import_options);
 }
 

@@ -178,6 +178,24 @@ TEST_F(BadInputTest, EachIsNamedOnceWithItsElementAndTheOthersAreBaked) {
   EXPECT_EQ(render::read_cast(options_.folder)->members.size(), 2U);
 }
 
+TEST_F(BadInputTest, OddHeightIsToldUnlessOneIsGiven) {
+  GltfBuilder b;
+  add("tower.glb", test::one_mesh(b, b.box({-0.3F, 0, -0.3F}, {0.3F, 180, 0.3F})).glb());
+  options_.folder = (folder_ / "cast").string();
+  for (const float height_m : {0.0F, 1.75F}) {
+    options_.bake.height_m = height_m;
+    std::string said;
+    options_.say = [&](const std::string& line) { said += line; };
+    JobSummary summary;
+    ASSERT_TRUE(run_jobs(options_, summary).ok());
+    EXPECT_EQ(summary.baked, 1);
+    EXPECT_EQ(said.find("180 m tall; for a person pass --height") != std::string::npos,
+              height_m == 0.0F);
+    EXPECT_FLOAT_EQ(render::read_cast(options_.folder)->members[0].character.height_m,
+                    height_m == 0.0F ? 180.0F : height_m);
+  }
+}
+
 TEST_F(BadInputTest, UnchangedMadeUpInputIsNotBakedAgain) {
   add("post.glb", test::bending_post().glb());
   options_.folder = (folder_ / "cast").string();
