@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "render/compute/common.hpp"
+#include "render/compute/cpu/slabs.hpp"
 #include "render/compute/cuda/cast.hpp"
 #include "render/compute/cuda/device.hpp"
 #include "render/compute/cuda/device_frame.hpp"
@@ -766,7 +767,7 @@ class CudaBackend final : public ComputeBackend {
       }
       view.speck_store = specks_;
     }
-    view.speck_detail = 0.5F / coarse_px(mixed.error_px);
+    view.speck_detail = 0.5F / slab_px(mixed.error_px);
     const CudaInstances& instances = *view.instances;
     THRONG_CUDA_TRY(view.fate.resize(instances.count), "select");
     THRONG_CUDA_TRY(view.speck_order.resize(instances.count), "select");

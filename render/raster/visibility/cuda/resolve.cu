@@ -213,7 +213,7 @@ __global__ void __launch_bounds__(kTileX* kTileY) resolve_kernel(RasterJob job) 
     covered = light.w;
   }
   if (background > 0.0F) {
-    missing += (1.0F - missing) * covered;
+    missing = element::add_shade(missing, covered);
     const glm::vec3 ground =
         element::shade_background(job.scene, static_cast<int>(x), static_cast<int>(y));
     color = color + (ground * (1.0F - missing)) * background;
