@@ -72,7 +72,10 @@ class PredictiveController final : public BudgetController {
     plan.least_error_px = settings_.least_error_px;
     plan.cost = work_model_.cost();
     plan.oversampling = oversampling_.next(target_ms, plan.cost);
-    if (plan.oversampling > 1) plan.cost = oversampling_.cost();
+    if (plan.oversampling > 1) {
+      plan.cost = oversampling_.cost();
+      plan.least_error_px = std::max(plan.least_error_px, OversamplingChoice::kFinePx);
+    }
     return plan;
   }
 

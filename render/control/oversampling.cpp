@@ -6,9 +6,10 @@
 namespace throng::render {
 namespace {
 
-constexpr float kFinePx = 0.25F;  // an error that more vertices need not lessen
-constexpr float kSeenPx = 0.5F;   // one that is worse than what more samples mend
-constexpr double kRoom = 0.85;    // of the target: what a frame that was never drawn may take
+constexpr float kFinePx = OversamplingChoice::kFinePx;
+constexpr float kSeenPx = 0.5F;  // one that is worse than what more samples mend
+// of the target: what such a frame may take before it is tried, as viewers wait for it
+constexpr double kRoom = 0.5;
 constexpr int kLeastWait = 12, kMostWait = 3000, kSoon = 120;  // frames
 
 /// What a frame's work would be if it was off by another error: vertices go with 1 / error^0.7

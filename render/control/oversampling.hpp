@@ -13,6 +13,8 @@ namespace throng::render {
 /// up soon doubles how long the next one waits, so that pictures do not pump.
 class OversamplingChoice {
  public:
+  static constexpr float kFinePx = 0.25F;  // an error that more vertices need not lessen
+
   explicit OversamplingChoice(std::uint32_t most) : most_(most) {}
 
   void record(const FrameCost& cost);
