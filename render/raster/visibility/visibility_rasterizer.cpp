@@ -1057,12 +1057,11 @@ void VisibilityRasterizer::add_background(const SceneFrame& scene, std::size_t t
                                           TileScratch& scratch,
                                           const FrameGeometry& geometry) const {
   if (scene.shadows && specks_.any(tile)) {
-    specks_.shade(tile, tile_x_px, tile_y_px, geometry, scratch.speck,
-                  scratch.missing);
+    specks_.shade(tile, tile_x_px, tile_y_px, geometry, scratch.speck, scratch.missing);
   }
   if (splat_shadows_.any(tile)) {
-    splat_shadows_.shade(tile, tile_x_px, tile_y_px, shadows_of(geometry), speck_scene_,
-                         scratch.speck, scratch.missing);
+    splat_shadows_.shade(tile, tile_x_px, tile_y_px, shadows_of(geometry), scratch.speck,
+                         scratch.missing);
   }
   for (int y = 0; y < height; ++y) {
     const float* share = scratch.background_share + y * kTilePx;
