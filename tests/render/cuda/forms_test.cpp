@@ -245,12 +245,19 @@ TEST_F(CudaFormsTest, SplatsOfNobodyStandBesideMeshesAndAlone) {
                       static_cast<std::uint32_t>(0x3fffffffU * noise(6)),
                       i % 3 == 0 ? static_cast<std::uint32_t>(i % 256) : 0, kNobody});
   }
+  std::vector<Speck> shadows;
+  for (std::uint64_t i = 0; i < 40; ++i) {
+    const auto noise = [i](std::uint64_t k) { return static_cast<float>(test::noise(7 * i + k)); };
+    const glm::vec3 feet(14 * noise(1) - 7, 5 + 12 * noise(2), -3);  // on the ground
+    shadows.push_back({feet, 1.8F, 0, 1, 0.0F, 0});
+  }
   for (const bool alone : {false, true}) {
     Picture expected, actual;
     for (Renderer* renderer : {&cpu, &cuda}) {
       FrameGeometry geometry;
       if (!alone) geometry = renderer->backend->geometry(*renderer->view);
       geometry.splats = splats;
+      geometry.shadows = shadows;
       const absl::Status status =
           draw(*renderer, geometry, scene, renderer == &cpu ? expected : actual);
       ASSERT_TRUE(status.ok()) << status;

@@ -111,6 +111,7 @@ class CudaRasterizer final : public Rasterizer {
           joints(s),
           splats(s),
           specks(s),
+          specks_and_shadows(s),
           speck_image(s),
           speck_slab(s),
           placed_specks(s),
@@ -168,7 +169,7 @@ class CudaRasterizer final : public Rasterizer {
     DeviceBuffer<JointedInstance> jointed;
     DeviceBuffer<float> joints;
     DeviceBuffer<Splat> splats;
-    DeviceBuffer<Speck> specks;
+    DeviceBuffer<Speck> specks, specks_and_shadows;
     DeviceBuffer<SpeckImage> speck_image;  // of `speck_cast_`
     DeviceBuffer<SpeckSlab> speck_slab;
     // the frame's
@@ -203,14 +204,14 @@ class CudaRasterizer final : public Rasterizer {
       const auto sum = [](const auto&... buffer) { return (buffer.size_bytes() + ...); };
       return sum(character, texels, flags, level, level_corners, level_at, uv, tones, band,
                  corner_tones, relief_member, relief_box, relief_shape, relief_base, relief_regions,
-                 representation, jointed, joints, splats, specks, speck_image, speck_slab,
-                 placed_specks, first_entry, first_of_tile, nearest, farthest, speck_key[0],
-                 speck_key[1], speck_number[0], speck_number[1], speck_light, speck_through,
-                 own_blocks, small_units, large_units, instance, vertex_offset, triangle_offset,
-                 vertices, indices, shade, block_count, first_block, block_instance, projected,
-                 special, large, tiles, candidates, casters, blobs, blob_tiles, counts, words,
-                 shadow, blob_shadow, figure_first, figure_next, fact_depth, fact_instance,
-                 fact_bounds, scratch);
+                 representation, jointed, joints, splats, specks, specks_and_shadows, speck_image,
+                 speck_slab, placed_specks, first_entry, first_of_tile, nearest, farthest,
+                 speck_key[0], speck_key[1], speck_number[0], speck_number[1], speck_light,
+                 speck_through, own_blocks, small_units, large_units, instance, vertex_offset,
+                 triangle_offset, vertices, indices, shade, block_count, first_block,
+                 block_instance, projected, special, large, tiles, candidates, casters, blobs,
+                 blob_tiles, counts, words, shadow, blob_shadow, figure_first, figure_next,
+                 fact_depth, fact_instance, fact_bounds, scratch);
     }
   };
 
@@ -237,6 +238,7 @@ class CudaRasterizer final : public Rasterizer {
   absl::Status take_geometry(const FrameGeometry& geometry, RasterJob& job);
   absl::Status take_splats(std::span<const Splat> splats, RasterJob& job);
   absl::Status take_specks(const FrameGeometry& geometry, RasterJob& job);
+  absl::Status take_shadows(std::span<const Speck> shadows, RasterJob& job);
   absl::Status place_specks(RasterJob& job);
   absl::Status make_room(RasterJob& job, std::uint32_t most_blocks);
   absl::Status run(const RasterJob& job, std::uint32_t most_blocks, cudaStream_t stream,
@@ -252,6 +254,7 @@ class CudaRasterizer final : public Rasterizer {
   std::string device_name_;
   std::shared_ptr<const Cast> cast_;
   std::shared_ptr<const CastTable> speck_cast_;  // whose pictures the processor handed over last
+  std::vector<Speck> shadows_;
   std::unique_ptr<Buffers> buffers_;
   RasterCast device_cast_;
   RasterCounters counters_;
@@ -471,6 +474,31 @@ absl::Status CudaRasterizer::take_specks(const FrameGeometry& geometry, RasterJo
   job.specks = b.specks.data();
   job.speck_count = static_cast<std::uint32_t>(count);
   job.speck_detail = geometry.speck_detail;
+  return absl::OkStatus();
+}
+
+/// Shadows of who is drawn by splats of nobody, behind the specks.
+absl::Status CudaRasterizer::take_shadows(std::span<const Speck> shadows, RasterJob& job) {
+  if (shadows.empty() || !job.scene.shadows) return absl::OkStatus();
+  const std::size_t count = shadows.size() + job.speck_count;
+  if (count >= RasterJob::kOnlyShadow) {
+    return absl::ResourceExhaustedError(absl::StrCat(kDraw, ": ", count, " specks and shadows"));
+  }
+  shadows_.assign(shadows.begin(), shadows.end());
+  for (Speck& shadow : shadows_) shadow.image = RasterJob::kOnlyShadow;
+  DeviceBuffer<Speck>& all = buffers_->specks_and_shadows;
+  THRONG_CUDA_TRY(all.resize(count), kDraw);
+  if (job.speck_count > 0) {
+    THRONG_CUDA_TRY(cudaMemcpyAsync(all.data(), job.specks, job.speck_count * sizeof(Speck),
+                                    cudaMemcpyDeviceToDevice, stream_),
+                    kDraw);
+  }
+  // pageable: the copy is taken before the call returns
+  THRONG_CUDA_TRY(cudaMemcpyAsync(all.data() + job.speck_count, shadows_.data(),
+                                  shadows_.size() * sizeof(Speck), cudaMemcpyHostToDevice, stream_),
+                  kDraw);
+  job.specks = all.data();
+  job.speck_count = static_cast<std::uint32_t>(count);
   return absl::OkStatus();
 }
 
@@ -737,6 +765,7 @@ absl::Status CudaRasterizer::draw(const FrameGeometry& geometry, const Camera& c
   job.camera_up = glm::transpose(job.view_from_relative)[1];
   if (absl::Status status = take_geometry(geometry, job); !status.ok()) return status;
   if (absl::Status status = take_splats(geometry.splats, job); !status.ok()) return status;
+  if (absl::Status status = take_shadows(geometry.shadows, job); !status.ok()) return status;
   if (absl::Status status = place_specks(job); !status.ok()) return status;
   // of batched geometry made by hand, instances may not say what is theirs
   const std::uint64_t triangles = std::max<std::uint64_t>(job.triangles_drawn, job.triangles_total);

@@ -148,6 +148,8 @@ struct RasterJob {
   const Speck* specks = nullptr;  // [S]
   std::uint32_t speck_count = 0;
   float speck_detail = 1.0F;  // as FrameGeometry's
+  // image of who throws a shadow and is drawn otherwise
+  static constexpr std::uint32_t kOnlyShadow = 0xffffffffU;
   const SpeckImage* speck_image = nullptr;
   const SpeckSlab* speck_slab = nullptr;  // [SpeckLevels::kSlabs] of each image
   glm::vec3 camera_up{0.0F, 0.0F, 1.0F};

@@ -20,11 +20,19 @@ constexpr std::uint32_t kTileShift = 32;  // of a key; below it the depth
 
 std::uint32_t blocks_for(std::uint32_t count) { return (count + kFlat - 1) / kFlat; }
 
+/// Who throws a shadow and is drawn otherwise has none of the cast's pictures.
+__device__ bool has_image(const element::PlacedSpeck& placed) {
+  return placed.image != RasterJob::kOnlyShadow;
+}
+__device__ SpeckImage image_of(const RasterJob& job, const element::PlacedSpeck& placed) {
+  return has_image(placed) ? job.speck_image[placed.image] : SpeckImage{-0.2F, 0.2F, 0.0F, 1.0F};
+}
+
 template <typename Visit>
 __device__ void for_tiles(const RasterJob& job, const element::PlacedSpeck& placed,
                           const Visit& visit) {
   const element::SpeckTiles tiles =
-      element::speck_tiles(placed, job.speck_image[placed.image], job.scene.shadows,
+      element::speck_tiles(placed, image_of(job, placed), job.scene.shadows,
                            static_cast<float>(job.width_px), static_cast<float>(job.height_px));
   for (std::uint32_t y = tiles.y_low; y <= tiles.y_high; ++y) {
     for (std::uint32_t x = tiles.x_low; x <= tiles.x_high; ++x) visit(y * job.speck_tiles_x + x);
@@ -213,10 +221,14 @@ __global__ void __launch_bounds__(kThreads) blend_kernel(RasterJob job) {
       const std::uint32_t number = list[first + threadIdx.x];
       Drawn& own = drawn[threadIdx.x];
       own.placed = job.placed_specks[number];
-      const SpeckImage image = job.speck_image[own.placed.image];
+      const SpeckImage image = image_of(job, own.placed);
       own.figure = element::speck_figure(own.placed, image, light, job.channel,
                                          job.channel.colors ? job.specks[number].channel : 0.0F);
       own.box = element::speck_pixels(own.placed, image, own.figure.size_y, x_px, y_px);
+      if (!has_image(own.placed)) {
+        own.figure.count = 0;
+        own.box = {1, 1, 0, 0};
+      }
     }
     __syncthreads();
     if (threadIdx.x == 0) {
