@@ -16,7 +16,7 @@ struct Picture {
   // Set by who can take the pixels from a device: a rasterizer that has one then returns while they
   // are still being drawn, leaves them in `on_device` and nothing in `rgbx`.
   bool may_stay = false;
-  std::shared_ptr<DevicePicture> on_device;
+  std::shared_ptr<DevicePicture> on_device = nullptr;
 };
 
 }  // namespace throng::render
