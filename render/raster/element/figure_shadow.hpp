@@ -92,67 +92,43 @@ THRONG_HOST_DEVICE inline float figure_shadow(const Sunward& sun, const Instance
   return covered * (before * near) * (0.56F - 0.14F * within(z * (1.0F / 1.75F), 0.0F, 1.0F));
 }
 
-/// Cells, inclusive.
-struct CellBox {
-  std::int32_t x0, y0, x1, y1;
-};
-
-/// Where those stand who may throw a shadow on a point; false: nobody may.
-THRONG_HOST_DEVICE inline bool find_cells(const Sunward& sun, float top_relative_m,
-                                          const glm::vec3& p, CellBox& box) {
-  if (sun.overhead) return false;
-  float reach = (top_relative_m - p.z) / sun.rise;
-  if (!(reach > 0.0F)) return false;
+/// The strongest shadow of a figure on a point of the surroundings.
+THRONG_HOST_DEVICE inline float strongest_figure_shadow(const Sunward& sun,
+                                                        const FigureCells& figures,
+                                                        const InstanceShade* shades,
+                                                        const glm::vec3& p) {
+  if (sun.overhead) return 0.0F;
+  float reach = (figures.top_relative_m - p.z) / sun.rise;
+  if (!(reach > 0.0F)) return 0.0F;
   reach = reach < kFarthestGapM ? reach : kFarthestGapM;
   const float to_x = p.x + sun.toward.x * reach, to_y = p.y + sun.toward.y * reach;
   constexpr float kMargin = kWidestFigureM;
-  box.x0 = figure_cell((p.x < to_x ? p.x : to_x) - kMargin);
-  box.x1 = figure_cell((p.x < to_x ? to_x : p.x) + kMargin);
-  box.y0 = figure_cell((p.y < to_y ? p.y : to_y) - kMargin);
-  box.y1 = figure_cell((p.y < to_y ? to_y : p.y) + kMargin);
-  return true;
-}
-
-/// Calls `each` with everybody in the cells; with some twice, and with others too.
-template <typename Each>
-THRONG_HOST_DEVICE inline void for_figures(const FigureCells& figures, const CellBox& box,
-                                           Each&& each) {
-  for (std::int32_t y = box.y0; y <= box.y1; ++y) {
-    for (std::int32_t x = box.x0; x <= box.x1; ++x) {
+  const std::int32_t x0 = figure_cell((p.x < to_x ? p.x : to_x) - kMargin);
+  const std::int32_t x1 = figure_cell((p.x < to_x ? to_x : p.x) + kMargin);
+  const std::int32_t y0 = figure_cell((p.y < to_y ? p.y : to_y) - kMargin);
+  const std::int32_t y1 = figure_cell((p.y < to_y ? to_y : p.y) + kMargin);
+  float strongest = 0.0F;
+  for (std::int32_t y = y0; y <= y1; ++y) {
+    for (std::int32_t x = x0; x <= x1; ++x) {
       for (std::uint32_t i = figures.first[figure_list(x, y)]; i != FigureCells::kNobody;
            i = figures.next[i]) {
-        each(i);
+        const float shadow = figure_shadow(sun, shades[i], p);
+        strongest = strongest < shadow ? shadow : strongest;
       }
     }
   }
+  return strongest;
 }
-
-/// The strongest shadow of a figure on a point of the surroundings.
-struct StrongestShadow {
-  const FigureCells& figures;
-  const InstanceShade* shades;
-  THRONG_HOST_DEVICE float operator()(const Sunward& sun, const glm::vec3& p) const {
-    CellBox box;
-    float strongest = 0.0F;
-    if (!find_cells(sun, figures.top_relative_m, p, box)) return strongest;
-    for_figures(figures, box, [&](std::uint32_t i) {
-      const float shadow = figure_shadow(sun, shades[i], p);
-      strongest = strongest < shadow ? shadow : strongest;
-    });
-    return strongest;
-  }
-};
 
 /// Share of what a point of the surroundings shows that shadows take, in steps of
 /// 1 / kSurfaceShadowSteps.
-/// @param strongest  as StrongestShadow.
 /// @param corner  of its triangle, relative to the eye.
 /// @param x_px, y_px  pixel coordinates of the point.
 /// @param ground_missing  what shadows take from the ground there.
 inline constexpr std::uint32_t kSurfaceShadowSteps = 4095;
-template <typename Strongest>
 THRONG_HOST_DEVICE inline std::uint32_t surface_shadow(const SceneFrame& scene, const Sunward& sun,
-                                                       Strongest&& strongest,
+                                                       const FigureCells& figures,
+                                                       const InstanceShade* shades,
                                                        const glm::vec3 corner[3], float x_px,
                                                        float y_px, float ground_missing) {
   const glm::vec3 ray =
@@ -177,7 +153,7 @@ THRONG_HOST_DEVICE inline std::uint32_t surface_shadow(const SceneFrame& scene, 
     float facing = dot(n, scene.sun_direction) * side * 2.5F;
     if (!(facing > 0.0F)) return 0;
     facing = facing < 1.0F ? facing : 1.0F;
-    missing = strongest(sun, p) * facing;
+    missing = strongest_figure_shadow(sun, figures, shades, p) * facing;
     if (!scene.orthographic) {
       // through haze less is seen of it
       missing = missing / (1.0F + std::sqrt(dot(p, p)) * scene.haze_per_m);

@@ -66,35 +66,6 @@ struct alignas(64) DrawnInstance {
 };
 static_assert(sizeof(DrawnInstance) == 64);
 
-/// As element::StrongestShadow. Neighbouring pixels ask the same cells, whose figures are kept.
-class NearFigures {
- public:
-  void clear() { has_box_ = false; }
-  float strongest(const element::FigureCells& figures, const InstanceShade* shades,
-                  const element::Sunward& sun, const glm::vec3& p) {
-    element::CellBox box;
-    float strongest = 0.0F;
-    if (!element::find_cells(sun, figures.top_relative_m, p, box)) return strongest;
-    if (!has_box_ || box.x0 != box_.x0 || box.x1 != box_.x1 || box.y0 != box_.y0 ||
-        box.y1 != box_.y1) {
-      box_ = box;
-      has_box_ = true;
-      near_.clear();
-      element::for_figures(figures, box, [&](std::uint32_t i) { near_.push_back(shades[i]); });
-    }
-    for (const InstanceShade& figure : near_) {
-      strongest = std::max(strongest, element::figure_shadow(sun, figure, p));
-    }
-    return strongest;
-  }
-  std::size_t size_bytes() const { return near_.capacity() * sizeof(InstanceShade); }
-
- private:
-  bool has_box_ = false;
-  element::CellBox box_{};
-  std::vector<InstanceShade> near_;
-};
-
 /// Everything one worker needs for one tile: mostly stays in the second-level cache.
 struct TileScratch {
   TilePlanes planes;
@@ -106,7 +77,6 @@ struct TileScratch {
   SharedScratch shared;
   std::vector<std::uint64_t> order;
   SpeckScratch speck;
-  NearFigures near_figures;
   alignas(64) float missing[kPixels];
   alignas(64) float rgb[3][kPixels];
   alignas(64) float row[3][kTilePx];
@@ -255,8 +225,7 @@ RasterCounters VisibilityRasterizer::counters() const {
     sum.triangles += one->counters.triangles;
     sum.surviving += one->counters.surviving;
     sum.shaded += one->counters.shaded;
-    sum.size_bytes += sizeof(TileScratch) + 8 * one->order.capacity() + one->speck.size_bytes() +
-                      one->near_figures.size_bytes();
+    sum.size_bytes += sizeof(TileScratch) + 8 * one->order.capacity() + one->speck.size_bytes();
   }
   const auto add = [&sum](const auto& values) {
     sum.size_bytes += values.capacity() * sizeof(values[0]);
@@ -867,7 +836,6 @@ void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, const Sc
   scratch.figures.clear();
   scratch.flat_items.count = 0;
   scratch.surface_items.count = 0;
-  scratch.near_figures.clear();
   const float* depth = scratch.planes.depth;
   const std::uint32_t* ids = scratch.planes.id;
   BlockKind kinds[kTileSamples / 4][kTileSamples / 4];
@@ -900,10 +868,7 @@ void VisibilityRasterizer::collect_items(const FrameGeometry& geometry, const Sc
           corner[k] = geometry.vertices[geometry.indices[first + k]].position_relative;
         }
         const SamplePlace& place = kSamplePlaces[samples];
-        const auto strongest = [&](const element::Sunward& sun, const glm::vec3& p) {
-          return scratch.near_figures.strongest(figures_, shades_.data(), sun, p);
-        };
-        shown |= element::surface_shadow(scene, sunward_, strongest, corner,
+        shown |= element::surface_shadow(scene, sunward_, figures_, shades_.data(), corner,
                                          static_cast<float>(tile_x_px + x) + place.x,
                                          static_cast<float>(tile_y_px + y) + place.y,
                                          scratch.missing[pixel])

@@ -81,10 +81,9 @@ __device__ glm::vec3 shade_figure(const RasterJob& job, std::uint32_t i, std::ui
       job.scene, shade, job.cast.character[shade.character & ~kToned].texture, job.cast.texels,
       corners, x, y);
   if (job.figures.first == nullptr || shade.cast_shadow != kNoBlob) return color;
-  return color *
-         element::surface_kept(element::surface_shadow(
-             job.scene, element::sunward(job.scene),
-             element::StrongestShadow{job.figures, job.shade}, corners.p, x, y, ground_missing));
+  return color * element::surface_kept(
+                     element::surface_shadow(job.scene, element::sunward(job.scene), job.figures,
+                                             job.shade, corners.p, x, y, ground_missing));
 }
 
 /// What a point shows.
