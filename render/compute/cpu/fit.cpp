@@ -58,7 +58,7 @@ FrameWork work_of(const std::vector<Sample>& samples, std::uint32_t every, const
                   const Selection& selection, float error_px) {
   const MixedForms& mixed = selection.mixed;
   const float pose_error_px = pose_error_of(error_px);
-  const float least_px = std::max(mixed.least_px, coarse_px(error_px));
+  const float least_px = least_px_of(mixed, error_px);
   double sum[FrameWork::kParts] = {};
   for (const Sample& one : samples) {
     const std::uint32_t step = ErrorTable::step_of(error_px / (one.px_per_m * one.limit));
@@ -133,7 +133,6 @@ void fit_error(CpuView& view, const Kernels& kernels, Selection& selection) {
     chosen = high;
   }
   mixed.error_px = chosen;
-  mixed.least_px = std::max(mixed.least_px, coarse_px(chosen));
   selection.pose_error_px = pose_error_of(chosen);
   view.error_px = chosen;
   view.work = work_at(chosen);

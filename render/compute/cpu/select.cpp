@@ -116,6 +116,7 @@ void select(CpuView& view, const Selection& asked, Machine machine) {
   } else {
     view.error_px = 0.0F;
   }
+  selection.mixed.least_px = least_px_of(selection.mixed, selection.mixed.error_px);
   view.speck_detail = 0.5F / slab_px(selection.mixed.error_px);
   if (selection.form == FormRule::kMixed && selection.mixed.specks) {
     list_mixed(view, selection.mixed, machine.pool, machine.kernels);

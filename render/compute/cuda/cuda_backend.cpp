@@ -776,6 +776,7 @@ class CudaBackend final : public ComputeBackend {
     job.cull = view.cull_seen;
     job.cast = cast.device();
     job.rule = {view.projection, view.forward, mixed};
+    job.rule.mixed.least_px = least_px_of(mixed, mixed.error_px);
     job.moment = instances.moment;
     job.has_images = view.speck_store->has_images();
     job.fate = view.fate.data();

@@ -66,7 +66,7 @@ struct MixedForms {
   float speck_us = 0.1F, speck_px2_us = 0.005F;
   float speck_error = 0.05F;
   // of those that are less high some stand for all
-  float least_px = 0.5F;
+  float least_px = 1.0F;
   // over 0: error_px is chosen for each frame so that it takes this time by `cost`. Beyond 3 pixels
   // specks get fewer slabs, and more of them stand for others (`coarse_px`).
   double budget_ms = 0.0;

@@ -398,6 +398,8 @@ struct SpeckShadow {
   bool is_tall, falls;
   float run, slant, across;  // pixels for a figure of size 1: of a metre along, aside, across
   float low, high;           // of the whole
+  float per_px, px;          // slices in a pixel along it, and pixels of a slice, for size 1
+  float dark[SpeckProfile::kSlices];  // of a box that takes a square metre of light
   SpeckProfile profile;
 };
 THRONG_HOST_DEVICE inline SpeckShadow speck_shadow(const SpeckLight& light) {
@@ -414,6 +416,11 @@ THRONG_HOST_DEVICE inline SpeckShadow speck_shadow(const SpeckLight& light) {
   const float one = shadow.run * light.profile.low;
   const float other = shadow.run * (light.profile.low + static_cast<float>(SpeckProfile::kSlices) /
                                                             light.profile.per_slice);
+  shadow.per_px = shadow.falls ? light.profile.per_slice / shadow.run : 0.0F;
+  shadow.px = shadow.falls ? shadow.run / light.profile.per_slice : 0.0F;
+  for (int k = 0; k < SpeckProfile::kSlices; ++k) {
+    shadow.dark[k] = (0.5F * std::fabs(shadow.run)) / most(light.profile.half[k], 1e-6F);
+  }
   shadow.low = shadow.falls ? least(one, other) : 0.0F;
   shadow.high = shadow.falls ? most(one, other) : 0.0F;
   return shadow;
@@ -427,7 +434,7 @@ struct SpeckShade {
 THRONG_HOST_DEVICE inline SpeckShade speck_shade(const SpeckShadow& shadow, float strength,
                                                  float size, float u, float v, float i) {
   const SpeckProfile& profile = shadow.profile;
-  const float per_px = profile.per_slice / (shadow.run * size);
+  const float per_px = shadow.per_px * (1.0F / size);
   const float offset = -profile.low * profile.per_slice;
   constexpr auto kEnd = static_cast<float>(SpeckProfile::kSlices);
   const float one = least(most((i - u) * per_px + offset, 0.0F), kEnd);
@@ -439,15 +446,13 @@ THRONG_HOST_DEVICE inline SpeckShade speck_shade(const SpeckShadow& shadow, floa
   };
   const float middle = 0.5F * (one + other);  // of what lies in the row
   const float mass = std::fabs(before(other) - before(one));
-  const float half =
-      profile.half[static_cast<int>(least(middle, kEnd - 1.0F))] * (shadow.across * size);
-  const float at = v + shadow.slant * ((middle - offset) / per_px);
+  const int k = static_cast<int>(least(middle, kEnd - 1.0F));
+  const float half = profile.half[k] * (shadow.across * size);
+  const float at = v + shadow.slant * ((middle - offset) * (shadow.px * size));
   SpeckShade shade;
   shade.from = at - half;
   shade.to = at + half;
-  // darkness of a square metre on that of the box
-  shade.dark = strength * mass * std::fabs(shadow.run) * size * (shadow.across * size) /
-               most(2.0F * half, 1e-6F);
+  shade.dark = ((strength * mass) * size) * shadow.dark[k];
   return shade;
 }
 /// The light that is missing once `more` is: of two shadows that meet the darker one counts, so in
