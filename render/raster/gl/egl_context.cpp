@@ -242,6 +242,14 @@ void EglContext::unbind() {
 
 void* EglContext::make_fence() {
   if (epoxy_egl_version(display_) < 15) return nullptr;
+  // epoxy looks a function up when it is first called, and ends the program where the calling
+  // thread has no context then, as those have none that wait for fences and drop them
+  static const bool is_looked_up = [this] {
+    const EGLSync first = eglCreateSync(display_, EGL_SYNC_FENCE, nullptr);
+    eglClientWaitSync(display_, first, 0, 0);
+    return eglDestroySync(display_, first) == EGL_TRUE;
+  }();
+  (void)is_looked_up;
   const EGLSync fence = eglCreateSync(display_, EGL_SYNC_FENCE, nullptr);
   glFlush();
   return fence == EGL_NO_SYNC ? nullptr : fence;

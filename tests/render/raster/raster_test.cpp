@@ -510,6 +510,13 @@ TEST(GlReadBackTest, PicturesThatStayAreFetchedByOtherThreadsAndOutliveTheRaster
   ASSERT_TRUE(made.ok()) << made.status();
   std::unique_ptr<Rasterizer> rasterizer = *std::move(made);
   ASSERT_TRUE(rasterizer->upload(cast_of(2, 1, kRedWhite)).ok());
+  {  // before any thread with a context has waited for one
+    Picture first;
+    first.may_stay = true;
+    ASSERT_TRUE(draw_wall(*rasterizer, 0.5F, 96, first).ok());
+    ASSERT_NE(first.on_device, nullptr);
+    std::jthread other([&] { EXPECT_TRUE(first.on_device->fetch(first.rgbx).ok()); });
+  }
   // more frames than there are buffers at the first; they grow, too
   for (int round = 0; round < 3; ++round) {
     Picture expected[3], staying[3];
