@@ -454,6 +454,7 @@ absl::Status CudaRasterizer::take_specks(const FrameGeometry& geometry, RasterJo
   Buffers& b = *buffers_;
   const SpeckTable& table = *geometry.speck_table;
   if (speck_cast_ == nullptr || speck_cast_ != table.cast) {
+    speck_cast_.reset();  // half of another cast's pictures are of none
     THRONG_CUDA_TRY(copy(table.image.data(), table.image.size(), b.speck_image, job.speck_image),
                     kDraw);
     THRONG_CUDA_TRY(copy(table.slab.data(), table.slab.size(), b.speck_slab, job.speck_slab),
