@@ -83,6 +83,7 @@ float chance(std::uint32_t seed, std::uint32_t a, std::uint32_t b) {
 }
 
 /// How far points are from each other along a mesh, for the points that are alive when it is made.
+/// Of more than kMostPoints (pieces that could not be decimated) nothing is known.
 class Walks {
  public:
   Walks(const WedgeMesh& mesh, std::span<const std::uint32_t> triangles)
@@ -104,6 +105,10 @@ class Walks {
         next[from].emplace_back(to, length_m);
         next[to].emplace_back(from, length_m);
       }
+    }
+    if (next.size() > kMostPoints) {
+      row_.assign(row_.size(), kNoIndex);
+      return;
     }
     count_ = next.size();
     length_m_.assign(count_ * count_, kNone);
@@ -135,7 +140,8 @@ class Walks {
 
  private:
   static constexpr float kNone = std::numeric_limits<float>::max();
-  std::vector<std::uint32_t> row_;  // [P]
+  static constexpr std::size_t kMostPoints = 4096;  // 64 MiB
+  std::vector<std::uint32_t> row_;                  // [P]
   std::size_t count_ = 0;
   std::vector<float> length_m_;  // [count][count]
 };
