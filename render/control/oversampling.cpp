@@ -60,7 +60,7 @@ std::uint32_t OversamplingChoice::next(double target_ms, const WorkCost& small) 
     return now_ = 2;
   }
   if (last_.oversampling < 2) return 2;  // nothing of it was seen yet
-  ++drawn_;
+  drawn_ = std::min(drawn_ + 1, kSoon + 1);
   const bool is_seen = last_.error_px > kSeenPx;
   const bool has_room =
       large_.cost().of(at_error(last_.work, last_.error_px, kSeenPx)) <= target_ms;
