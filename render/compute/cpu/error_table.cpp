@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 namespace throng::render {
 
@@ -19,7 +20,7 @@ ErrorTable make_error_table(const Character& character) {
   std::uint32_t n = character.vertex_count();
   float gone_m = 0.0F;
   for (std::uint32_t step = 0; step < ErrorTable::kSteps; ++step) {
-    const std::uint32_t bits = (ErrorTable::kFirstBits + step) << 20;
+    const std::uint32_t bits = (element::kFirstErrorBits + step) << 20;
     float error_m = 0.0F;
     std::memcpy(&error_m, &bits, sizeof error_m);
     while (n > character.coarsest_count) {

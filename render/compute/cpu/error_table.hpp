@@ -2,7 +2,6 @@
 
 #include <array>
 #include <cstdint>
-#include <cstring>
 
 #include "render/compute/element/forms.hpp"
 #include "throng/render/asset.hpp"
@@ -12,8 +11,7 @@ namespace throng::render {
 /// The fewest vertices with which a character is off by at most so much (element::error_step).
 struct ErrorTable {
   static constexpr std::uint32_t kSteps = element::kErrorSteps;
-  static constexpr std::uint32_t kFirstBits = (127 - 16) << 3;  // exponent and 3 bits of fraction
-  std::array<std::uint32_t, kSteps> vertex_count{};             // legal
+  std::array<std::uint32_t, kSteps> vertex_count{};  // legal
 
   static std::uint32_t step_of(float error_m) { return element::error_step(error_m); }
   std::uint32_t shared_count(std::uint32_t step, std::uint32_t most) const {

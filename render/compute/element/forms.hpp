@@ -13,15 +13,15 @@ namespace throng::render::element {
 /// Errors from 2^-16 m to 2^4 m in steps of an eighth of an octave (of the float's bits, so
 /// nearly): for each a character's ErrorTable has the fewest vertices that keep to it.
 inline constexpr std::uint32_t kErrorSteps = 20 * 8;
+inline constexpr std::uint32_t kFirstErrorBits = (127 - 16) << 3;  // exponent, 3 bits of fraction
 
 /// The step of the largest error in the table that is not over `error_m`; step 0 below it.
 THRONG_HOST_DEVICE inline std::uint32_t error_step(float error_m) {
-  constexpr std::uint32_t kFirstBits = (127 - 16) << 3;  // exponent and 3 bits of fraction
   std::uint32_t bits = 0;
   memcpy(&bits, &error_m, sizeof bits);
   bits >>= 20;
-  if (!(error_m > 0.0F) || bits < kFirstBits) return 0;
-  const std::uint32_t step = bits - kFirstBits;
+  if (!(error_m > 0.0F) || bits < kFirstErrorBits) return 0;
+  const std::uint32_t step = bits - kFirstErrorBits;
   return step < kErrorSteps ? step : kErrorSteps - 1;
 }
 
