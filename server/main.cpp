@@ -202,7 +202,8 @@ int main(int argc, char** argv) {
   std::string controller = "predictive";
   app.add_option("--controller", controller,
                  "What keeps views without a budget to --target-ms: a cost model that sets their "
-                 "detail (and draws 16 samples a pixel while that leaves time), the state machine of Lyu et al. (fewer poses, then points), or nothing")
+                 "detail (and draws 16 samples a pixel while that leaves time), the state machine "
+                 "of Lyu et al. (fewer poses, then points), or nothing")
       ->capture_default_str()
       ->check(CLI::IsMember({"fixed", "predictive", "sfsm"}));
   std::string form = "auto";

@@ -13,8 +13,8 @@ namespace throng::render::element {
 /// Who is a few pixels high is drawn from a picture of a few slabs (SpeckTable). A character has
 /// one for each of these poses, elevations and azimuths.
 inline constexpr std::uint32_t kSpeckPhases = 8;
-// Actions of the cast's motion graph that have a picture, by their codes: to sit, to cheer, to wave.
-// Who talks or phones stands.
+// Actions of the cast's motion graph that have a picture, by their codes: to sit, to cheer, to
+// wave. Who talks or phones stands.
 inline constexpr std::uint32_t kSpeckFirstAction = 2, kSpeckActions = 3;
 // standing, then a walk's phases, then what the character may do beside: one moment of each
 inline constexpr std::uint32_t kSpeckPoses = 1 + kSpeckPhases + kSpeckActions;

@@ -728,7 +728,9 @@ std::string splat_vertex_shader(int samples) {
 std::string splat_fragment_shader(int samples) {
   return std::string(kCommon) + (samples > 1 ? "#define SAMPLES\n" : "") + kSplatFragment;
 }
-std::string blob_vertex_shader() { return std::string(kCommon) + kInstances + kGround + kBlobVertex; }
+std::string blob_vertex_shader() {
+  return std::string(kCommon) + kInstances + kGround + kBlobVertex;
+}
 std::string blob_fragment_shader() { return std::string(kCommon) + kBlobFragment; }
 std::string cast_shadow_vertex_shader() {
   return std::string(kCommon) + kInstances + kGround + kCastShadowVertex;

@@ -117,7 +117,7 @@ struct FrameGeometry {
   std::span<const SpeckRun> speck_runs = {};
   const SpeckTable* speck_table = nullptr;
   float speck_detail = 1.0F;  // rows of slabs, of those that leave nothing to be seen
-  // who throws a shadow on the ground and is none of the above: feet and height are looked at
+  // who throws a shadow on the ground and is none of the above: feet and height, image 0
   std::span<const Speck> shadows = {};
   const DeviceGeometry* on_device = nullptr;  // else the spans are empty
 };

@@ -156,7 +156,8 @@ class Crowd {
   std::unique_ptr<const MotionGraph> motions_;
   // columns are derived under push_mutex_ alone, so that viewers don't wait for a push
   std::mutex push_mutex_;
-  mutable std::mutex mutex_;  // guards history_, history_bytes_, counters_ and environment_
+  // guards history_, history_bytes_, counters_, environment_ and identity_
+  mutable std::mutex mutex_;
   std::shared_ptr<const Environment> environment_;
   std::shared_ptr<const void> identity_ = std::make_shared<char>();
   std::deque<std::shared_ptr<const Snapshot>> history_;
