@@ -75,9 +75,11 @@ void draw_cells(const std::vector<PosedPoint>& points, float radius_m, const Vie
     const auto cell = [&](float at, int most) {
       return std::clamp(static_cast<int>(std::floor(at / cells.side)), 0, most);
     };
-    for (int row = cell(y - radius_m, kRows - 1); row <= cell(y + radius_m, kRows - 1); ++row) {
-      for (int column = cell(x - radius_m, cells.columns - 1);
-           column <= cell(x + radius_m, cells.columns - 1); ++column) {
+    const int row_low = cell(y - radius_m, kRows - 1), row_high = cell(y + radius_m, kRows - 1);
+    const int column_low = cell(x - radius_m, cells.columns - 1);
+    const int column_high = cell(x + radius_m, cells.columns - 1);
+    for (int row = row_low; row <= row_high; ++row) {
+      for (int column = column_low; column <= column_high; ++column) {
         const float dx = (static_cast<float>(column) + 0.5F) * cells.side - x;
         const float dy = (static_cast<float>(row) + 0.5F) * cells.side - y;
         const float fall = slope_x * dx + slope_y * dy;
