@@ -63,7 +63,7 @@ struct MixedForms {
   // The same of slabs. Their coverage is exact where that of other forms is sampled four times a
   // pixel, so that small figures look better in them than at full detail.
   bool specks = true;
-  float speck_us = 0.1F, speck_px2_us = 0.005F;
+  float speck_us = 0.1F, speck_px2_us = 0.02F;
   float speck_error = 0.05F;
   // of those that are less high some stand for all
   float least_px = 1.0F;
