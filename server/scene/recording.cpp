@@ -2,6 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <bit>
 #include <span>
 #include <utility>
 
@@ -94,8 +95,10 @@ void Recording::run() {
       const bool is_written = status.ok() && !has_failed_;
       if (item.frame != nullptr) ++(is_written ? counters_.written_frames : counters_.lost_frames);
       if (absl::IsInvalidArgument(status)) {  // what does not fit costs itself only
-        spdlog::warn("event=recording_lost crowd={} frames={} why=\"{}\"", crowd_,
-                     item.frame != nullptr ? 1 : 0, std::string(status.message()));
+        if (std::has_single_bit(++unfit_)) {  // each time, a producer could fill the log
+          spdlog::warn("event=recording_lost crowd={} frames={} why=\"{}\"", crowd_, unfit_,
+                       std::string(status.message()));
+        }
         said_lost_ += item.frame != nullptr ? 1 : 0;
         status = absl::OkStatus();
       }

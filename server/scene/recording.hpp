@@ -61,6 +61,7 @@ class Recording {
   std::shared_ptr<const render::Membership> membership_;
   bool has_failed_ = false;
   std::uint64_t said_lost_ = 0;
+  std::uint64_t unfit_ = 0;  // frames and events that the file could not hold
   // Guarded by mutex_:
   mutable std::mutex mutex_;
   std::condition_variable changed_;
