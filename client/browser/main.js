@@ -73,7 +73,7 @@ function ask(options) {
 function flush() {
   const options = pending;
   pending = null;
-  if (!options || !state.crowd) return;
+  if (!options || !state.crowd || needsView) return;  // a view that has ended is asked for anew, with all of them
   lastStamp = Math.max(lastStamp + 1, Math.round(performance.now() * 1000));
   if (options.playback) lastPlaybackStamp = lastStamp;
   if (options.followAgent) lastFollowStamp = lastStamp;
