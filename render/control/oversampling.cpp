@@ -10,7 +10,7 @@ constexpr float kFinePx = OversamplingChoice::kFinePx;
 constexpr float kSeenPx = 0.5F;  // one that is worse than what more samples mend
 // of the target: what such a frame may take before it is tried, as viewers wait for it
 constexpr double kRoom = 0.5;
-constexpr int kLeastWait = 12, kMostWait = 3000, kSoon = 120;  // frames
+constexpr int kMostWait = 3000, kSoon = 120;  // frames
 
 /// What a frame's work would be if it was off by another error: vertices go with 1 / error^0.7
 /// (measured between 0.06 and 0.6 pixels near and far).

@@ -14,6 +14,7 @@ namespace throng::render {
 class OversamplingChoice {
  public:
   static constexpr float kFinePx = 0.25F;  // an error that more vertices need not lessen
+  static constexpr int kLeastWait = 12;    // frames
 
   explicit OversamplingChoice(std::uint32_t most) : most_(most) {}
 
@@ -32,7 +33,7 @@ class OversamplingChoice {
   WorkModel large_;
   std::uint32_t now_ = 1;
   int waited_ = 0, drawn_ = 0;  // frames that would have had the time; frames since it began
-  int wait_ = 12;
+  int wait_ = kLeastWait;
 };
 
 }  // namespace throng::render

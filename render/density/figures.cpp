@@ -140,7 +140,7 @@ const FarFigures::Point* FarFigures::level(std::uint32_t member, std::uint32_t p
 
 absl::StatusOr<FarFigures> begin_far_figures(const Cast& cast) {
   if (std::none_of(cast.members.begin(), cast.members.end(), has_figure)) {
-    return absl::InvalidArgumentError(absl::StrCat("make_far_figures: none of the cast's ",
+    return absl::InvalidArgumentError(absl::StrCat("far figures: none of the cast's ",
                                                    cast.members.size(),
                                                    " members has surface points; bake it again"));
   }

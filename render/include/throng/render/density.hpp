@@ -117,7 +117,7 @@ struct FarFigures {
 /// InvalidArgument where no member of the cast has surface points; members without are empty.
 absl::StatusOr<FarFigures> make_far_figures(const Cast& cast);
 
-/// Figures of nobody yet.
+/// Figures of nobody yet. InvalidArgument where no member of the cast has surface points.
 absl::StatusOr<FarFigures> begin_far_figures(const Cast& cast);
 
 /// Makes the figures of those members that occur and are not made yet: 643 KB and a few tens of

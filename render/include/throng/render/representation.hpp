@@ -74,9 +74,9 @@ struct MixedForms {
   WorkCost cost{};
 };
 
-/// The height of a speck's slabs, and under which specks stand for others where no more is asked
-/// for, at an error: where a frame's time forces it to be large, what is blurred by less is not
-/// worth drawing.
+/// Pixels. At an error, the height of a speck's slabs (half a pixel of error and more), and beyond
+/// 3 pixels that under which specks stand for others: where a frame's time forces the error to be
+/// large, what is blurred by less is not worth drawing.
 inline float coarse_px(float error_px) { return error_px > 3.0F ? error_px / 6.0F : 0.5F; }
 
 /// Variable-frequency motion update (Lyu et al., 3.1): who is farther than `distance_m` is posed
