@@ -52,8 +52,8 @@ struct WorkCost {
 /// What kMixed goes by: every agent in the cheapest form that is off by at most `error_px`.
 ///
 /// Costs are microseconds of one agent; the defaults were measured with the visibility rasterizer
-/// on one core with AVX-512. With them specks win where they are near enough and meshes everywhere
-/// else; on a GPU others may.
+/// on one core with AVX-512, but for speck_px2_us, which follows from how many slabs there are.
+/// With them specks win where they are near enough and meshes everywhere else; on a GPU others may.
 struct MixedForms {
   float error_px = 0.5F;  // over 0; meshes get no more vertices than the budget even so
   float mesh_us = 3.0F, mesh_vertex_us = 0.03F;
