@@ -13,10 +13,11 @@ constexpr double kMarginM = 1.0;         // around the agents' positions
 constexpr double kLeastSizeM = 6.0;
 constexpr double kNearSiteM = 5.0;  // of the site, or half of what the agents span
 constexpr double kAgentHeightM = 2.0;
-constexpr double kRestM = 1e-3;  // closer than this the box stands still, so frames repeat
+// Closer than this share of its size the box stands still, so frames repeat: half a pixel of 1000.
+constexpr double kRest = 5e-4;
 
-double approach(double value, double goal, bool grows, double seconds) {
-  if (std::abs(goal - value) < kRestM) return goal;
+double approach(double value, double goal, bool grows, double seconds, double rest_m) {
+  if (std::abs(goal - value) < rest_m) return goal;
   const double tau = grows ? kGrowSeconds : kShrinkSeconds;
   return goal + (value - goal) * std::exp(-seconds / tau);
 }
@@ -37,18 +38,20 @@ WorldBox OverviewBox::around(const WorldBox& agents) {
   return box;
 }
 
-WorldBox OverviewBox::follow(const WorldBox& agents, Clock::time_point now) {
+WorldBox OverviewBox::follow(const WorldBox& agents, Clock::time_point now, bool shrinks) {
   const WorldBox goal = around(agents);
   const double seconds = std::max(0.0, std::chrono::duration<double>(now - at_).count());
   if (!known_ || seconds > kForgetSeconds) {
     box_ = goal;
     known_ = true;
   } else {
+    const double rest_m = kRest * std::max(goal.high.x - goal.low.x, goal.high.y - goal.low.y);
+    const auto move = [&](double& value, double to, bool grows) {
+      if (grows || shrinks) value = approach(value, to, grows, seconds, rest_m);
+    };
     for (int axis = 0; axis < 3; ++axis) {
-      box_.low[axis] =
-          approach(box_.low[axis], goal.low[axis], goal.low[axis] < box_.low[axis], seconds);
-      box_.high[axis] =
-          approach(box_.high[axis], goal.high[axis], goal.high[axis] > box_.high[axis], seconds);
+      move(box_.low[axis], goal.low[axis], goal.low[axis] < box_.low[axis]);
+      move(box_.high[axis], goal.high[axis], goal.high[axis] > box_.high[axis]);
     }
   }
   at_ = now;

@@ -17,8 +17,10 @@ struct WorldBox {
 /// camera rests while people come and go. Not thread safe.
 class OverviewBox {
  public:
-  /// @param agents  box of the agents now, world frame. Returns the box to show.
-  WorldBox follow(const WorldBox& agents, Clock::time_point now);
+  /// @param agents   box of the agents now, world frame. Returns the box to show.
+  /// @param shrinks  false: it only grows, for a moment that stands still, whose picture should
+  /// too.
+  WorldBox follow(const WorldBox& agents, Clock::time_point now, bool shrinks = true);
   void forget() { known_ = false; }
 
   /// The box to show of agents that are looked at once, with nothing before to follow.

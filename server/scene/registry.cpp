@@ -95,7 +95,9 @@ Moment NamedCrowd::moment(Clock::time_point now) {
       agents.high += glm::dvec3(newest->high_m);
       const std::shared_ptr<const render::Environment> site = crowd_->environment();
       render::include_environment(site.get(), start_.origin_world, agents.low, agents.high);
-      moment.overview = overview_.follow(agents, now);
+      const bool moves = overview_time_us_ != moment.scene_time_us;
+      overview_time_us_ = moment.scene_time_us;
+      moment.overview = overview_.follow(agents, now, moves);
       return moment;
     }
   }

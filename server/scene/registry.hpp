@@ -103,6 +103,7 @@ class NamedCrowd {
   std::shared_ptr<Recording> recording_;  // of crowd_; null: not recorded
   PlayoutClock clock_;
   OverviewBox overview_;
+  std::int64_t overview_time_us_ = 0;  // of the moment it was followed to
   std::string walkable_area_wkt_;
   std::uint64_t incomplete_frames_ = 0;
   std::uint64_t late_frames_ = 0;  // that never reached crowd_

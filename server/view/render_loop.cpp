@@ -58,6 +58,15 @@ bool equal(const FrameKey& a, const FrameKey& b) {
          !b.environment.owner_before(a.environment) && same_picture(a.view, b.view);
 }
 
+/// A frame that may be sent again.
+struct Shown {
+  FrameKey key;
+  std::shared_ptr<const EncodedFrame> frame;  // null until it is encoded
+  std::vector<Recipients> waiting;            // for that
+  Clock::time_point drawn;
+  bool hurried = false;  // kept to a time: worth drawing again where nothing moves
+};
+
 struct EncodeJob {
   render::Picture picture;
   std::shared_ptr<EncodedFrame> frame;
@@ -65,7 +74,7 @@ struct EncodeJob {
   int jpeg_quality = 80;
   double target_ms = 0.0;
   Clock::time_point began;
-  FrameKey key;
+  std::shared_ptr<Shown> shown;  // null: to be sent once
   Recipients recipients;
 };
 
@@ -78,6 +87,23 @@ struct ViewControl {
 };
 
 constexpr std::size_t kCachedFrames = 8;
+// What has rested for so long is drawn once more without hurry. A hand that moves meets no such
+// frame, one that moves on waits for at most one.
+constexpr std::chrono::milliseconds kRested{150};
+
+/// What a view is drawn with that need not keep to a time: every agent, each in the cheapest form
+/// that is off by less than can be seen, with 16 samples a pixel where that can be.
+void draw_in_full(const RenderLoopOptions& options, bool can_oversample,
+                  render::ViewSettings& settings) {
+  constexpr float kUnseenPx = 0.25F;
+  render::Selection& selection = settings.selection;
+  selection.form = render::FormRule::kMixed;
+  selection.vertex_budget =
+      std::max(options.default_vertex_budget, render::ControlSettings().most_budget);
+  selection.mixed.error_px = kUnseenPx;
+  selection.mixed.least_px = kUnseenPx;
+  settings.oversampling = can_oversample ? 2 : 1;
+}
 
 }  // namespace
 
@@ -93,6 +119,9 @@ struct RenderLoop::State {
 
   double target_ms(Clock::time_point now) const;
   render::FramePlan controlled_plan(const Recipients& recipients, Clock::time_point now);
+  std::shared_ptr<Shown> find_shown(const FrameKey& key, const Recipients& recipients) const;
+  void remember(const Recipients& recipients, const std::shared_ptr<Shown>& entry);
+  bool can_oversample() const;
   void record(const Recipients& recipients, const render::FrameStats& stats,
               std::uint32_t oversampling);
 
@@ -112,7 +141,10 @@ struct RenderLoop::State {
   std::deque<std::pair<PictureRequest, PictureDone>> pictures;
   std::optional<EncodeJob> job;
   std::vector<render::Picture> spare_pictures;
-  std::deque<std::pair<FrameKey, std::shared_ptr<const EncodedFrame>>> cache;
+  std::deque<std::shared_ptr<Shown>> cache;  // newest last
+  // what a viewer got last is known however many frames others got since
+  std::unordered_map<const Viewer*, std::shared_ptr<Shown>> shown_last;
+  double still_ms = 0.0;  // what the last picture without hurry took
   RenderLoopCounters counters;
 
   std::thread renderer, encoder;
@@ -164,6 +196,7 @@ void RenderLoop::remove(const Viewer* viewer) {
   const std::lock_guard lock(state_->mutex);
   std::erase_if(state_->viewers, [viewer](const auto& entry) { return entry.get() == viewer; });
   state_->controls.erase(viewer);
+  state_->shown_last.erase(viewer);
 }
 
 void RenderLoop::wake() {
@@ -242,6 +275,7 @@ bool RenderLoop::State::next_work(std::optional<PictureRequest>& request, Recipi
     std::erase_if(viewers, [&](const std::shared_ptr<Viewer>& viewer) {
       if (viewer->request().crowd->deleted()) {
         controls.erase(viewer.get());
+        shown_last.erase(viewer.get());
         orphans.push_back(viewer);
         return true;
       }
@@ -338,17 +372,24 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
       followed_agent = view.follow_agent;
     }
   }
+  std::shared_ptr<Shown> known;
   if (!recipients.viewers.empty()) {
-    std::shared_ptr<const EncodedFrame> known;
-    {
-      const std::lock_guard lock(mutex);
-      for (const auto& [cached_key, frame] : cache) {
-        if (equal(cached_key, key)) known = frame;
+    std::unique_lock lock(mutex);
+    known = find_shown(key, recipients);
+    const auto rested = std::max<Clock::duration>(
+        kRested, std::chrono::duration_cast<Clock::duration>(
+                     std::chrono::duration<double, std::milli>(still_ms)));
+    const bool is_again = known != nullptr && known->hurried && known->frame != nullptr &&
+                          now - known->drawn >= rested;
+    if (known != nullptr && !is_again) {
+      counters.shared_frames += recipients.viewers.size();
+      remember(recipients, known);
+      if (known->frame == nullptr) {
+        known->waiting.push_back(std::move(recipients));
+        return;
       }
-      if (known != nullptr) counters.shared_frames += recipients.viewers.size();
-    }
-    if (known != nullptr) {
-      deliver(recipients, known);
+      lock.unlock();
+      deliver(recipients, known->frame);
       return;
     }
   }
@@ -365,8 +406,8 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   settings.camera = *key.view.camera;
   settings.viewport = view.viewport;
   // a picture out of turn is the same whatever the machine did before
-  const bool controlled =
-      view.vertex_budget == 0 && options.target_ms > 0.0 && !recipients.viewers.empty();
+  const bool is_free = view.vertex_budget == 0 && options.target_ms > 0.0;
+  const bool controlled = is_free && !recipients.viewers.empty() && known == nullptr;
   settings.selection.vertex_budget =
       view.vertex_budget != 0 ? view.vertex_budget : options.default_vertex_budget;
   if (controlled) {
@@ -386,9 +427,13 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
     settings.selection.motion = {plan.motion_distance_m, plan.motion_k_per_m,
                                  counters.rendered_frames};
   }
+  settings.far = options.far;
+  if (is_free && !controlled) {
+    draw_in_full(options, can_oversample(), settings);
+    settings.far.wait = true;
+  }
   if (options.form.has_value()) settings.selection.form = *options.form;
   settings.look.shadows = view.shadows;
-  settings.far = options.far;
   settings.channel = view.channel.empty() ? -1 : view.crowd->channel_index(view.channel);
   settings.look.color_by_channel = settings.channel >= 0;
   settings.look.channel_low = view.channel_low;
@@ -401,8 +446,13 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
     {
       const std::lock_guard lock(mutex);
       ++counters.failed_frames;
+      if (known != nullptr) known->hurried = false;  // as good as it gets
     }
-    fail(recipients, status);
+    if (known != nullptr) {
+      deliver(recipients, known->frame);
+    } else {
+      fail(recipients, status);
+    }
     return;
   }
   if (controlled) record(recipients, next.frame->stats, settings.oversampling);
@@ -411,8 +461,8 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   next.frame->overview = overview;
   // who chose an error by time says what that error asks for
   const render::ComputeCounters& counted = next.frame->stats.counters;
-  next.frame->vertex_budget = controlled && counted.work.known ? counted.effective_budget
-                                                               : settings.selection.vertex_budget;
+  next.frame->vertex_budget =
+      is_free && counted.work.known ? counted.effective_budget : settings.selection.vertex_budget;
   next.frame->target_ms = next.target_ms;
   next.frame->scene_time_us = scene_time_us;
   next.frame->followed_agent = followed_agent;
@@ -420,7 +470,8 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   next.format = request.format;
   next.jpeg_quality = view.jpeg_quality;
   next.began = began;
-  next.key = std::move(key);
+  next.frame->oversampling = settings.oversampling;
+  next.frame->in_full = is_free && !controlled;
   next.recipients = std::move(recipients);
 
   // One picture may wait for the encoder; rendering further ahead would only add lag.
@@ -430,14 +481,51 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   if (!next.recipients.viewers.empty()) {
     counters.shared_frames += next.recipients.viewers.size() - 1;
   }
+  if (known != nullptr) still_ms = milliseconds(Clock::now() - began);
   job_changed.wait(lock, [this] { return stop || !job.has_value(); });
   if (stop) {
     lock.unlock();
     fail(next.recipients, absl::UnavailableError("the server is stopping"));
     return;
   }
+  if (!next.recipients.viewers.empty()) {
+    next.shown = std::make_shared<Shown>();
+    next.shown->key = std::move(key);
+    next.shown->drawn = now;
+    next.shown->hurried = controlled;
+    if (known != nullptr) std::erase(cache, known);
+    cache.push_back(next.shown);
+    if (cache.size() > kCachedFrames) cache.pop_front();
+    remember(next.recipients, next.shown);
+  }
   job = std::move(next);
   job_changed.notify_all();
+}
+
+/// The newest frame of this picture; null: it has to be drawn.
+std::shared_ptr<Shown> RenderLoop::State::find_shown(const FrameKey& key,
+                                                     const Recipients& recipients) const {
+  for (auto entry = cache.rbegin(); entry != cache.rend(); ++entry) {
+    if (equal((*entry)->key, key)) return *entry;
+  }
+  for (const auto& [viewer, index] : recipients.viewers) {
+    const auto last = shown_last.find(viewer.get());
+    if (last != shown_last.end() && equal(last->second->key, key)) return last->second;
+  }
+  return nullptr;
+}
+
+void RenderLoop::State::remember(const Recipients& recipients,
+                                 const std::shared_ptr<Shown>& entry) {
+  for (const auto& [viewer, index] : recipients.viewers) {
+    if (std::find(viewers.begin(), viewers.end(), viewer) == viewers.end()) continue;  // has left
+    shown_last[viewer.get()] = entry;
+  }
+}
+
+/// A device's pictures stay there, which means of four would not.
+bool RenderLoop::State::can_oversample() const {
+  return compute_name == "cpu" && !options.form.has_value();
 }
 
 /// Of one frame: all of the options' unless the views drawn of late ask for more frames than that
@@ -466,12 +554,11 @@ render::FramePlan RenderLoop::State::controlled_plan(const Recipients& recipient
     if (std::find(viewers.begin(), viewers.end(), viewer) == viewers.end()) continue;  // has left
     ViewControl& control = controls[viewer.get()];
     if (control.controller == nullptr) {
-      control.controller = render::make_controller(
-          {.kind = options.controller,
-           .start_budget = options.default_vertex_budget,
-           .cost = learned,
-           // a device's pictures stay there, which means of four would not
-           .most_oversampling = compute_name == "cpu" && !options.form.has_value() ? 2U : 1U});
+      control.controller =
+          render::make_controller({.kind = options.controller,
+                                   .start_budget = options.default_vertex_budget,
+                                   .cost = learned,
+                                   .most_oversampling = can_oversample() ? 2U : 1U});
     }
     control.drawn = now;
     control.frame = counters.rendered_frames + counters.failed_frames;  // attempts so far
@@ -553,23 +640,32 @@ void RenderLoop::State::encode_thread() {
     current.frame->stats.times.encode_ms = milliseconds(ended - began);
     current.frame->server_ms = milliseconds(ended - current.began);
 
+    std::vector<Recipients> waiting;
     {
       const std::lock_guard lock(mutex);
       if (spare_pictures.size() < 2) spare_pictures.push_back(std::move(current.picture));
       if (status.ok()) {
         counters.encoded_bytes += current.frame->image.size();
-        if (current.format == ImageFormat::kJpeg) {
-          cache.emplace_back(std::move(current.key), current.frame);
-          if (cache.size() > kCachedFrames) cache.pop_front();
-        }
       } else {
         ++counters.failed_frames;
       }
+      if (current.shown != nullptr) {
+        waiting.swap(current.shown->waiting);
+        if (status.ok()) {
+          current.shown->frame = current.frame;
+        } else {
+          std::erase(cache, current.shown);
+          std::erase_if(shown_last, [&](const auto& last) { return last.second == current.shown; });
+        }
+      }
     }
-    if (status.ok()) {
-      deliver(current.recipients, current.frame);
-    } else {
-      fail(current.recipients, status);
+    waiting.insert(waiting.begin(), std::move(current.recipients));
+    for (Recipients& recipients : waiting) {
+      if (status.ok()) {
+        deliver(recipients, current.frame);
+      } else {
+        fail(recipients, status);
+      }
     }
   }
 }

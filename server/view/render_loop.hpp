@@ -50,8 +50,10 @@ using PictureDone = std::function<void(absl::StatusOr<std::shared_ptr<const Enco
 ///
 /// It takes the view that is due first, renders it with all threads, and leaves the picture to an
 /// encoder thread while it renders the next. Views of the same picture (crowd, camera, size,
-/// quality, budget, colours) that are due at about the same time share one frame, and a frame that
-/// would be the same as one just sent (nothing moves) is not drawn again.
+/// quality, budget, colours) that are due at about the same time share one frame. A frame that
+/// would be the same as one just sent (nothing moves) is not drawn again, except once: after a
+/// moment's rest in full detail, where the first one was kept to a time. That teaches no
+/// controller. Pictures out of turn, for which no hand waits, are drawn so at once.
 class RenderLoop {
  public:
   /// Makes the renderer on the loop's thread; its error when that fails.

@@ -161,8 +161,9 @@ WorldBox Viewer::overview_of_past(const WorldBox& agents, std::int64_t scene_tim
       static_cast<double>(kLeapUs)) {
     past_.forget();
   }
+  const bool moves = past_time_us_ != scene_time_us;
   past_time_us_ = scene_time_us;
-  return past_.follow(agents, now);
+  return past_.follow(agents, now, moves);
 }
 
 }  // namespace throng::server

@@ -51,7 +51,9 @@ struct EncodedFrame {
   WorldBox overview;  // what an overview of this moment shows
   render::FrameStats stats;
   std::uint64_t vertex_budget = 0;
-  double target_ms = 0.0;  // 0: it was not kept to any
+  double target_ms = 0.0;          // 0: it was not kept to any
+  bool in_full = false;            // drawn without hurry, since nothing moved or nobody waited
+  std::uint32_t oversampling = 1;  // as ViewSettings
   std::int64_t scene_time_us = 0;
   std::uint64_t followed_agent = 0;  // 0: nobody, or it is not there
   AgentsAt agents;                   // who is in the picture

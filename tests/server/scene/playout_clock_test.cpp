@@ -153,6 +153,20 @@ TEST(OverviewBoxTest, GrowsQuicklyAndShrinksSlowly) {
   EXPECT_EQ(overview.follow(small, now += milliseconds(33)).high.x, 11.0);
 }
 
+TEST(OverviewBoxTest, OfAMomentThatStandsStillOnlyGrows) {
+  OverviewBox overview;
+  const WorldBox small{{0, 0, 0}, {10, 10, 0}}, large{{0, 0, 0}, {50, 10, 0}};
+  Clock::time_point now = kBegin;
+  overview.follow(large, now);
+  for (int i = 0; i < 60; ++i) overview.follow(small, now += milliseconds(33), false);
+  EXPECT_EQ(overview.follow(small, now, false).high.x, 51.0);
+  EXPECT_LT(overview.follow(small, now += milliseconds(33)).high.x, 51.0);
+  overview.forget();
+  overview.follow(small, now);
+  for (int i = 0; i < 120; ++i) overview.follow(large, now += milliseconds(33), false);
+  EXPECT_EQ(overview.follow(large, now, false).high.x, 51.0);
+}
+
 TEST(OverviewBoxTest, SingleAgentGetsARoomAroundIt) {
   OverviewBox overview;
   const WorldBox box = overview.follow({{5, 5, 1}, {5, 5, 1}}, kBegin);
