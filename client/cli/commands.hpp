@@ -74,6 +74,9 @@ struct ConvertCommand {
 };
 int run_convert(const ConvertCommand& command);
 
+/// Removes a crowd that no producer feeds from the server.
+int run_remove(const Common& common, const std::string& crowd, bool json);
+
 int run_crowds(const Common& common, bool json);
 int run_server_info(const Common& common, bool json);
 int run_file_info(const std::string& file, const trajectory::ReadOptions& read, bool json);

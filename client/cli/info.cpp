@@ -7,6 +7,8 @@
 #include <chrono>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
 #include "client/cli/commands.hpp"
 #include "client/cli/interrupt.hpp"
@@ -68,6 +70,35 @@ int run_crowds(const Common& common, bool json) {
       absl::FPrintF(stderr, "throng: the recording of '%s' lost %d frames\n", crowd.name(),
                     crowd.unrecorded_frames());
     }
+  }
+  return kOk;
+}
+
+int run_remove(const Common& common, const std::string& crowd, bool json) {
+  absl::Status status = ask(common, [&](grpc::ClientContext& context, const auto& channel) {
+    v1::DeleteCrowdRequest request;
+    request.set_crowd_name(crowd);
+    v1::DeleteCrowdResponse response;
+    return v1::CrowdService::NewStub(channel)->DeleteCrowd(&context, request, &response);
+  });
+  if (absl::IsNotFound(status)) {
+    v1::ListCrowdsResponse there;
+    const absl::Status listed = ask(common, [&](grpc::ClientContext& context, const auto& channel) {
+      return v1::CrowdService::NewStub(channel)->ListCrowds(&context, {}, &there);
+    });
+    std::vector<std::string> names;
+    for (const v1::CrowdInfo& one : there.crowds()) names.push_back(one.name());
+    if (listed.ok()) {
+      status = absl::NotFoundError(
+          absl::StrCat(status.message(), "; there ", names.size() == 1 ? "is " : "are ",
+                       names.empty() ? std::string("none") : absl::StrJoin(names, ", ")));
+    }
+  }
+  if (!status.ok()) return report("remove", status);
+  if (json) {
+    std::printf("%s\n", nlohmann::ordered_json{{"removed", crowd}}.dump().c_str());
+  } else if (!common.quiet) {
+    absl::FPrintF(stderr, "throng remove: '%s' is gone\n", crowd);
   }
   return kOk;
 }

@@ -96,12 +96,12 @@ int main(int argc, char** argv) {
   ViewCommand watch;
   ConvertCommand convert;
   std::string publish_unit, publish_z = "ignore", info_unit, info_z = "ignore";
-  std::string convert_unit, convert_z = "ground", info_file;
+  std::string convert_unit, convert_z = "ground", info_file, removed;
   ViewTexts record_text, snapshot_text, watch_text;
   watch_text.size = "320x180";
   throng::trajectory::ReadOptions info_read;
   std::optional<double> watch_seconds;
-  bool crowds_json = false, info_json = false, doctor_json = false;
+  bool crowds_json = false, info_json = false, doctor_json = false, remove_json = false;
 
   CLI::App app{"Publishes crowds to a throng server and shows what it draws.", "throng"};
   app.set_version_flag("--version", THRONG_VERSION);
@@ -119,6 +119,7 @@ int main(int argc, char** argv) {
       "  throng record --crowd station -o frames/####.jpg --camera \"0,-20,8:0,0,1\" --frames 30\n"
       "  throng snapshot --crowd station -o station.png\n"
       "  throng crowds --json\n"
+      "  throng remove station\n"
       "  throng info run.sqlite\n"
       "  throng convert run.sqlite run.csv\n"
       "  throng doctor\n"
@@ -201,6 +202,14 @@ int main(int argc, char** argv) {
   crowds_app->footer("Examples:\n  throng crowds\n  throng crowds --json --server host:7447");
   crowds_app->add_flag("--json", crowds_json, "As JSON");
 
+  CLI::App* remove_app =
+      app.add_subcommand("remove", "Remove a crowd that no producer feeds, with its history");
+  remove_app->footer(
+      "What --record keeps of it stays on the server's disk, and can be published again.\n"
+      "Examples:\n  throng remove station\n  throng remove station --json --server host:7447");
+  remove_app->add_option("crowd", removed, "Name of the crowd")->required();
+  remove_app->add_flag("--json", remove_json, "As JSON");
+
   CLI::App* info_app =
       app.add_subcommand("info", "What a server offers, or what a trajectory file holds");
   info_app->footer(
@@ -274,6 +283,7 @@ int main(int argc, char** argv) {
     return run_watch(watch, watch_seconds);
   }
   if (crowds_app->parsed()) return run_crowds(common, crowds_json);
+  if (remove_app->parsed()) return run_remove(common, removed, remove_json);
   if (info_app->parsed()) {
     return info_file.empty() ? run_server_info(common, info_json)
                              : run_file_info(info_file, info_read, info_json);

@@ -41,7 +41,6 @@ absl::Status take(const SnapshotCommand& command,
     aim(*camera, sight->time_us, sight->site, *request.mutable_options());
   }
   grpc::ClientContext context;
-  context.set_wait_for_ready(true);
   context.set_deadline(deadline);
   connection->prepare(context);
   const OnInterrupt cancel([&context] { context.TryCancel(); });

@@ -162,6 +162,7 @@ void Viewer::flush() {
   if (!change_ || crowd_.empty()) return;
   const auto now_us = static_cast<std::uint64_t>(std::max(0.0, now_s_) * 1e6);
   last_stamp_ = std::max(last_stamp_ + 1, now_us);
+  if (change_->ByteSizeLong() > 0) asked_stamp_ = last_stamp_;
   if (change_->has_playback()) playback_stamp_ = last_stamp_;
   if (change_->has_crowd_name()) crowd_stamp_ = last_stamp_;
   if (change_->has_follow_agent()) follow_stamp_ = last_stamp_;
@@ -185,8 +186,8 @@ void Viewer::take_frame(ReceivedFrame frame) {
     stop_following();
     if (was_there) return;  // the camera would jump to where it last stood on its own
   }
-  frame_ = std::move(frame);
-  shown_camera_ = OrbitCamera::read(message.camera());
+  frame_ = std::move(frame);  // `message` is what was there before
+  shown_camera_ = OrbitCamera::read(frame_->message.camera());
   const std::int64_t shown_us = frame_->message.scene_time_us();
   // what was asked for stands until a frame knows of it
   if (knows_time) time_us_ = shown_us;
@@ -653,6 +654,10 @@ std::string Viewer::banner() const {
   }
   if (crowd_.empty() && crowds_.empty()) return "No crowd yet. Publish one and it shows here.";
   return {};
+}
+
+bool Viewer::is_settled() const {
+  return frame_ && frame_->message.stamp() >= asked_stamp_ && !change_ && !script_ && !glide_;
 }
 
 Viewer::Numbers Viewer::numbers() const {

@@ -117,6 +117,9 @@ class Viewer {
   };
   Placement placement() const;
 
+  /// The picture is what was asked for last.
+  bool is_settled() const;
+
   struct Numbers {
     double fps = 0.0, latency_ms = 0.0, worst_latency_ms = 0.0, mbit_per_s = 0.0;
     std::uint64_t shown = 0, left_out = 0;
@@ -165,7 +168,7 @@ class Viewer {
 
   std::optional<v1::ViewOptions> change_;
   std::uint64_t last_stamp_ = 0, playback_stamp_ = 0, crowd_stamp_ = 0, measured_stamp_ = 0,
-                follow_stamp_ = 0;
+                follow_stamp_ = 0, asked_stamp_ = 0;
   double next_stamp_s_ = 0.0, next_crowds_s_ = 0.0, next_card_s_ = 0.0, next_rate_s_ = 0.0;
 
   std::optional<ReceivedFrame> frame_;

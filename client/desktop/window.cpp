@@ -217,7 +217,7 @@ absl::Status Window::loop() {
     if (absl::Status status = draw(); !status.ok()) return status;
     if (!settings_.script.empty() && !*plays) is_done_ = true;
     if (settings_.script.empty() && !settings_.screenshot.empty()) {
-      if (viewer_->frame() != nullptr) {
+      if (viewer_->is_settled()) {
         screenshot_path_ = settings_.screenshot;
         is_done_ = true;
         if (absl::Status status = draw(); !status.ok()) return status;

@@ -11,6 +11,8 @@
 #include <iterator>
 #include <utility>
 
+#include "answers_http.hpp"
+
 namespace throng::client {
 namespace {
 
@@ -103,6 +105,13 @@ void Connection::prepare(grpc::ClientContext& context) const {
 
 absl::Status from_grpc(const grpc::Status& status, const Connection& connection) {
   const auto code = static_cast<absl::StatusCode>(status.error_code());
+  const bool is_silent = status.error_code() == grpc::StatusCode::UNAVAILABLE ||
+                         status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED;
+  if (is_silent && answers_http(connection.address())) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        connection.address(), " answers HTTP: that is the address of a page (--http); give the ",
+        "server's (--listen, usually 127.0.0.1:7447) with --server or THRONG_URL"));
+  }
   if (status.error_code() == grpc::StatusCode::UNAVAILABLE) {
     return absl::Status(
         code,

@@ -208,11 +208,12 @@ bool Producer::State::run_stream() {
   }
   reader.join();
   const grpc::Status status = stream->Finish();
+  const absl::Status error = from_grpc(status, *connection);
 
   const std::lock_guard lock(mutex);
   context = nullptr;
   stats.connected = false;
-  if (!status.ok()) stats.last_error = from_grpc(status, *connection);
+  if (!error.ok()) stats.last_error = error;
   if (acked_index < sent_index) {
     stats.dropped += sent_index - acked_index;
     // The last frame of a simulation that has ended would otherwise never be seen.

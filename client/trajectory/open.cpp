@@ -27,8 +27,44 @@ using detail::trimmed;
 /// What a file's first bytes look like is decided on this many of them (unpacked).
 constexpr std::size_t kSniffBytes = 1u << 16;
 
+constexpr const char* kRead =
+    "read are JuPedSim (sqlite, HDF5, text), CSV with columns time_s or frame, id, x_m, y_m, "
+    "Vadere "
+    ".traj, SUMO floating-car data, Menge .scb, TrajNet++ ndjson, ETH obsmat, RVO2 text and "
+    "recordings of throng-server; --format names one";
+
 bool starts_with(std::string_view text, std::string_view start) {
   return text.substr(0, start.size()) == start;
+}
+
+/// Name of an XML document's root element, empty where it is not among the first bytes.
+std::string_view root_of(std::string_view text) {
+  while (true) {
+    const std::size_t open = text.find('<');
+    if (open == std::string_view::npos || open + 1 == text.size()) return {};
+    text.remove_prefix(open + 1);
+    if (text.front() == '!' || text.front() == '?') {
+      const std::string_view ends = starts_with(text, "!--") ? "-->" : ">";
+      const std::size_t end = text.find(ends);
+      if (end == std::string_view::npos) return {};
+      text.remove_prefix(end + ends.size());
+      continue;
+    }
+    return text.substr(0, text.find_first_of(" \t\r\n/>"));
+  }
+}
+
+/// A sentence rather than the names of columns.
+bool is_prose(std::string_view line, char delimiter) {
+  constexpr std::size_t kMostWords = 5;
+  std::vector<std::string_view> words;
+  while (true) {
+    const std::size_t end = line.find(delimiter);
+    split_blanks(line.substr(0, end), words);
+    if (words.size() > kMostWords) return true;
+    if (end == std::string_view::npos) return false;
+    line.remove_prefix(end + 1);
+  }
 }
 
 /// Whether fields are eight numbers of which those for height and its speed are zero.
@@ -48,6 +84,11 @@ absl::StatusOr<std::string> format_of_text(const std::string& path, std::string_
   if (body.front() == '<') {
     if (absl::StrContains(absl::string_view(body.data(), body.size()), "<trajectories")) {
       return fault(path, "old JuPedSim XML trajectories are not read; write text or SQLite");
+    }
+    if (root_of(body) == "net") {
+      return fault(path,
+                   "this is SUMO's network: streets, and nobody who walks; give it with "
+                   "--environment, and as trajectories what 'sumo --fcd-output' writes");
     }
     return std::string("sumo-fcd");
   }
@@ -96,7 +137,13 @@ absl::StatusOr<std::string> format_of_text(const std::string& path, std::string_
     return std::string("rvo2-text");
   }
   const char delimiter = detail::csv_delimiter(first);
-  if (delimiter == ';' || delimiter == ',') return std::string("csv");
+  if (delimiter == ';' || delimiter == ',') {
+    if (is_prose(first, delimiter)) {
+      return fault(path, absl::StrCat("this is text, no trajectories: its first row is ",
+                                      detail::quoted(first), "; ", kRead));
+    }
+    return std::string("csv");
+  }
   // Rows of numbers between blanks or tabs; a word in the first field is a column's name.
   if (!fields.empty() && parse_number(fields[0], number)) return std::string("archive-text");
   bool positions = false;
@@ -104,9 +151,8 @@ absl::StatusOr<std::string> format_of_text(const std::string& path, std::string_
     positions = positions || starts_with(field, "x") || starts_with(field, "pos");
   }
   if (positions) return std::string("csv");
-  return fault(path,
-               absl::StrCat("the format is not known: the first row is ", detail::quoted(first),
-                            "; known are ", absl::StrJoin(format_names(), ", ")));
+  return fault(path, absl::StrCat("the format is not known: the first row is ",
+                                  detail::quoted(first), "; ", kRead));
 }
 
 bool is_gzip(const std::string& path) {
@@ -144,8 +190,7 @@ absl::StatusOr<std::string> format_of(const std::string& path) {
     return std::string("menge-scb");
   }
   if (head.find('\0') != std::string::npos) {
-    return fault(path, absl::StrCat("binary data of a kind that is not known; known are ",
-                                    absl::StrJoin(format_names(), ", ")));
+    return fault(path, absl::StrCat("binary data of a kind that is not known; ", kRead));
   }
   return format_of_text(path, head);
 }

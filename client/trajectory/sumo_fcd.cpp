@@ -142,7 +142,8 @@ class FcdReader final : public Reader {
     ++depth_;
     if (depth_ == 1) {
       if (name == "fcd-export" || name == "person-fcd-export") return;
-      fail(absl::StrCat("the root element is ", quoted(name), ", must be 'fcd-export'"));
+      fail(absl::StrCat("the root element is ", quoted(name),
+                        ", must be 'fcd-export' as 'sumo --fcd-output' writes it"));
     } else if (depth_ == 2 && name == "timestep") {
       start_step(attribute(attributes, "time"));
     } else if (in_step_ && name == "vehicle") {

@@ -20,10 +20,7 @@ ViewStream::ViewStream(std::shared_ptr<const Connection> connection, const v1::V
   state_->connection = std::move(connection);
   state_->stub = v1::ViewService::NewStub(state_->connection->channel());
   state_->connection->prepare(state_->context);
-  if (deadline.has_value()) {
-    state_->context.set_wait_for_ready(true);
-    state_->context.set_deadline(*deadline);
-  }
+  if (deadline.has_value()) state_->context.set_deadline(*deadline);
   state_->stream = state_->stub->StreamView(&state_->context);
   v1::StreamViewRequest request;
   *request.mutable_options() = options;

@@ -93,15 +93,26 @@ static absl::StatusOr<std::shared_ptr<const Environment>> make(const std::string
   const auto height_m = static_cast<float>(options.wall_height_m);
   for (const auto& [a, b] : footprint->edges) raise_side(pieces, a, b, height_m);
   for (const auto& triangle : footprint->triangles) add_top(pieces, triangle, height_m);
-  return finish(pieces, kColors, 0, "walkable area: its walls");
+  auto environment = finish(pieces, kColors, 0, "walkable area: its walls");
+  if (environment.ok()) (*environment)->rings = std::move(footprint->rings);
+  return environment;
 }
 
 void include_environment(const Environment* environment, const glm::dvec3& origin_world,
                          glm::dvec3& low, glm::dvec3& high) {
   if (environment == nullptr || environment->pieces.empty()) return;
-  constexpr double kNearM = 5.0;
+  constexpr double kNearM = 5.0, kRoomM = 60.0, kRoomTimes = 3.0;
+  const glm::dvec2 all_low =
+                       glm::min(glm::dvec2(low), glm::dvec2(origin_world + environment->low_m)),
+                   all_high =
+                       glm::max(glm::dvec2(high), glm::dvec2(origin_world + environment->high_m));
+  const auto span = [](const glm::dvec2& a, const glm::dvec2& b) {
+    return std::max(b.x - a.x, b.y - a.y);
+  };
+  const bool is_room = span(all_low, all_high) <= std::max(kRoomM, kRoomTimes * span(low, high));
   for (int axis = 0; axis < 2; ++axis) {
-    const double near_m = std::max(kNearM, 0.5 * (high[axis] - low[axis]));
+    const double near_m =
+        is_room ? span(all_low, all_high) : std::max(kNearM, 0.5 * (high[axis] - low[axis]));
     const double site_low = origin_world[axis] + environment->low_m[axis];
     const double site_high = origin_world[axis] + environment->high_m[axis];
     low[axis] = std::min(low[axis], std::max(site_low, low[axis] - near_m));

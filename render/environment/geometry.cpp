@@ -240,6 +240,15 @@ absl::StatusOr<Footprint> solids_around(const std::string& wkt, const glm::dvec2
   if (solid == nullptr) return geos.error("its walls can't be cut out");
 
   Footprint footprint;
+  each_polygon(geos, area.get(), [&](const GEOSGeometry* polygon) {
+    const auto add = [&](const GEOSGeometry* ring) {
+      std::vector<glm::dvec2>& points = footprint.rings.emplace_back(points_of(geos, ring));
+      for (glm::dvec2& point : points) point -= origin_m;
+    };
+    add(GEOSGetExteriorRing_r(geos.get(), polygon));
+    const int holes = GEOSGetNumInteriorRings_r(geos.get(), polygon);
+    for (int i = 0; i < holes; ++i) add(GEOSGetInteriorRingN_r(geos.get(), polygon, i));
+  });
   absl::Status status;
   each_polygon(geos, solid.get(), [&](const GEOSGeometry* polygon) {
     std::vector<Cut> cuts;

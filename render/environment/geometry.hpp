@@ -15,6 +15,7 @@ namespace throng::render {
 struct Footprint {
   std::vector<std::array<glm::dvec2, 3>> triangles;
   std::vector<std::array<glm::dvec2, 2>> edges;
+  std::vector<std::vector<glm::dvec2>> rings;  // of the area that it stands around
 };
 
 /// Reads the polygons and checks what is quickly checked. Errors as of make_environment.

@@ -53,10 +53,9 @@ absl::StatusOr<Character> piece_of(const Corners& corners, std::size_t number,
 
 }  // namespace
 
-absl::StatusOr<std::shared_ptr<const Environment>> finish(const Pieces& pieces,
-                                                          std::span<const Rgb> colors,
-                                                          std::uint8_t triangle_flags,
-                                                          const char* what) {
+absl::StatusOr<std::shared_ptr<Environment>> finish(const Pieces& pieces,
+                                                    std::span<const Rgb> colors,
+                                                    std::uint8_t triangle_flags, const char* what) {
   if (pieces.size() > kMostPieces) {
     return absl::InvalidArgumentError(absl::StrCat(what, " are in ", pieces.size(), " squares of ",
                                                    kPieceM, " m, must be in at most ",

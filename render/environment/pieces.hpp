@@ -52,9 +52,8 @@ inline std::uint16_t color_u(std::size_t index, std::size_t count) {
 /// The pieces of an environment. `what` begins an error's message.
 /// @param colors          of the texture's columns, sRGB
 /// @param triangle_flags  of every triangle
-absl::StatusOr<std::shared_ptr<const Environment>> finish(const Pieces& pieces,
-                                                          std::span<const Rgb> colors,
-                                                          std::uint8_t triangle_flags,
-                                                          const char* what);
+absl::StatusOr<std::shared_ptr<Environment>> finish(const Pieces& pieces,
+                                                    std::span<const Rgb> colors,
+                                                    std::uint8_t triangle_flags, const char* what);
 
 }  // namespace throng::render

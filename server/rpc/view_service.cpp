@@ -133,7 +133,7 @@ class ViewService final : public v1::ViewService::CallbackService {
       if (request.scene_time_us() < moment.oldest_time_us ||
           request.scene_time_us() > moment.newest_time_us) {
         return absl::OutOfRangeError(absl::StrFormat(
-            "scene_time_us: %.2f s, the history of crowd '%s' holds %.2f to %.2f s",
+            "at %.2f s there is nothing of crowd '%s': its history goes from %.2f to %.2f s",
             1e-6 * static_cast<double>(request.scene_time_us()), picture.view.crowd->name(),
             1e-6 * static_cast<double>(moment.oldest_time_us),
             1e-6 * static_cast<double>(moment.newest_time_us)));

@@ -88,23 +88,32 @@ Moment NamedCrowd::moment(Clock::time_point now) {
   moment.live = owner_ != 0;
   moment.oldest_time_us = crowd_->oldest_time_us();
   WorldBox agents{start_.origin_world, start_.origin_world};
-  if (const std::shared_ptr<const render::Snapshot> newest = crowd_->newest()) {
-    moment.newest_time_us = newest->time_us;
-    if (newest->present_count > 0) {
-      agents.low += glm::dvec3(newest->low_m);
-      agents.high += glm::dvec3(newest->high_m);
-      const std::shared_ptr<const render::Environment> site = crowd_->environment();
-      render::include_environment(site.get(), start_.origin_world, agents.low, agents.high);
-      const bool moves = overview_time_us_ != moment.scene_time_us;
-      overview_time_us_ = moment.scene_time_us;
-      moment.overview = overview_.follow(agents, now, moves);
-      return moment;
-    }
+  const std::shared_ptr<const render::Environment> site = crowd_->environment();
+  const std::shared_ptr<const render::Snapshot> newest = crowd_->newest();
+  if (newest != nullptr) moment.newest_time_us = newest->time_us;
+  if (newest != nullptr && newest->present_count > 0) {
+    agents.low += glm::dvec3(newest->low_m);
+    agents.high += glm::dvec3(newest->high_m);
+  } else if (seen_.has_value()) {  // nobody there: wherever somebody was
+    agents = *seen_;
+  } else if (site != nullptr && !site->pieces.empty()) {  // or will be
+    agents = {start_.origin_world + site->low_m, start_.origin_world + site->high_m};
+    agents.high.z = agents.low.z;
   }
-  // Nobody there: rest where people were, or on the origin.
-  OverviewBox resting = overview_;
-  moment.overview = resting.follow(agents, now);
+  render::include_environment(site.get(), start_.origin_world, agents.low, agents.high);
+  const bool moves = overview_time_us_ != moment.scene_time_us;
+  overview_time_us_ = moment.scene_time_us;
+  moment.overview = overview_.follow(agents, now, moves);
   return moment;
+}
+
+void NamedCrowd::see(const render::Snapshot& newest) {
+  if (newest.present_count == 0) return;
+  const WorldBox now{start_.origin_world + glm::dvec3(newest.low_m),
+                     start_.origin_world + glm::dvec3(newest.high_m)};
+  seen_ = seen_.has_value()
+              ? WorldBox{glm::min(seen_->low, now.low), glm::max(seen_->high, now.high)}
+              : now;
 }
 
 CrowdReport NamedCrowd::report() const {
@@ -128,12 +137,14 @@ CrowdReport NamedCrowd::report() const {
   report.late_frames = late_frames_ + counters.late_frames + counters.duplicate_frames;
   report.oldest_time_us = crowd_->oldest_time_us();
   report.history_bytes = crowd_->history_bytes();
-  report.box = {start_.origin_world, start_.origin_world};
+  report.box = seen_.value_or(WorldBox{start_.origin_world, start_.origin_world});
   if (const std::shared_ptr<const render::Snapshot> newest = crowd_->newest()) {
     report.newest_time_us = newest->time_us;
     report.agents = newest->present_count;
-    report.box.low += glm::dvec3(newest->low_m);
-    report.box.high += glm::dvec3(newest->high_m);
+    if (newest->present_count > 0) {
+      report.box = {start_.origin_world + glm::dvec3(newest->low_m),
+                    start_.origin_world + glm::dvec3(newest->high_m)};
+    }
   }
   return report;
 }
@@ -180,7 +191,10 @@ absl::StatusOr<PushOutcome> Publication::push(const render::AgentFrame& frame) {
   }
   if (recording != nullptr) recording->write(frame);
   const std::lock_guard lock(crowd_->mutex_);
-  if (crowd_->owner_ == id_) crowd_->clock_.on_frame(time_us, now_());
+  if (crowd_->owner_ == id_) {
+    crowd_->clock_.on_frame(time_us, now_());
+    crowd_->see(*crowd->newest());
+  }
   return PushOutcome::kApplied;
 }
 
@@ -308,6 +322,7 @@ void Registry::begin_run(NamedCrowd& named, StartRequest request) {
   named.crowd_ = std::make_shared<render::Crowd>(cast_, std::move(settings));
   named.clock_.start(request.expected_rate_hz);
   named.overview_.forget();
+  named.seen_.reset();
   named.walkable_area_wkt_.clear();
   named.incomplete_frames_ = 0;
   named.late_frames_ = 0;
@@ -376,7 +391,9 @@ absl::Status Registry::resume_crowd(const std::string& name) {
     pushed.channels = frame.channels;
     pushed.motion = frame.motion;
     pushed.motion_names = reader.info().motion_names;
-    return named->crowd_->push(pushed);
+    absl::Status status = named->crowd_->push(pushed);
+    if (status.ok()) named->see(*named->crowd_->newest());
+    return status;
   };
   const absl::StatusOr<trajectory::RecordedRun> run =
       trajectory::read_last_run(record_.folder, name, limits_.max_history_bytes_per_crowd, take);
@@ -441,8 +458,9 @@ absl::Status Registry::remove(const std::string& name) {
     }
     const std::lock_guard crowd_lock(found->second->mutex_);
     if (found->second->owner_ != 0) {
-      return absl::FailedPreconditionError(
-          absl::StrCat("crowd_name: '", name, "' is fed by a producer"));
+      return absl::FailedPreconditionError(absl::StrCat("crowd_name: '", name, "' is fed by '",
+                                                        found->second->start_.producer,
+                                                        "'; end that first"));
     }
     removed = std::move(found->second);
     removed->deleted_.store(true, std::memory_order_release);

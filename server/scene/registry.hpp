@@ -10,6 +10,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -93,6 +94,9 @@ class NamedCrowd {
   friend class Registry;
   friend class Publication;
 
+  /// With mutex_ held, after a frame was pushed to crowd_.
+  void see(const render::Snapshot& newest);
+
   const std::string name_;
   std::atomic<bool> deleted_{false};
   std::atomic<std::uint32_t> viewers_{0};
@@ -104,6 +108,7 @@ class NamedCrowd {
   PlayoutClock clock_;
   OverviewBox overview_;
   std::int64_t overview_time_us_ = 0;  // of the moment it was followed to
+  std::optional<WorldBox> seen_;  // wherever somebody was in this run
   std::string walkable_area_wkt_;
   std::uint64_t incomplete_frames_ = 0;
   std::uint64_t late_frames_ = 0;  // that never reached crowd_

@@ -208,6 +208,36 @@ std::optional<ShownAgent> pick_agent(const AgentsAt& agents, const render::Camer
   return best;
 }
 
+/// Nothing where the walkable area is known and a cell's middle is not in it.
+/// @param corner_m  centre of the first cell, from the crowd's origin.
+static void keep_within(const std::vector<std::vector<glm::dvec2>>& rings,
+                        const glm::dvec2& corner_m, DensityMap& map) {
+  if (rings.empty()) return;
+  // in cells; where the rings' sides cross the middle of each row
+  std::vector<std::vector<double>> crossings(map.rows);
+  for (const std::vector<glm::dvec2>& ring : rings) {
+    for (std::size_t i = 0; i + 1 < ring.size(); ++i) {
+      glm::dvec2 a = (ring[i] - corner_m) / map.cell_m, b = (ring[i + 1] - corner_m) / map.cell_m;
+      if (a.y > b.y) std::swap(a, b);
+      const double first = std::max(0.0, std::ceil(a.y)),
+                   end = std::min(static_cast<double>(map.rows), std::ceil(b.y));
+      for (double row = first; row < end; row += 1.0) {
+        crossings[static_cast<std::size_t>(row)].push_back(a.x +
+                                                           (b.x - a.x) * (row - a.y) / (b.y - a.y));
+      }
+    }
+  }
+  for (std::uint32_t row = 0; row < map.rows; ++row) {
+    std::vector<double>& at = crossings[row];
+    std::sort(at.begin(), at.end());
+    std::size_t before = 0;
+    for (std::uint32_t column = 0; column < map.columns; ++column) {
+      while (before < at.size() && at[before] <= column) ++before;
+      if (before % 2 == 0) map.density[std::size_t{row} * map.columns + column] = 0.0F;
+    }
+  }
+}
+
 DensityMap density_map(const AgentsAt& agents) {
   DensityMap map;
   std::vector<glm::dvec2> points;
@@ -274,6 +304,9 @@ DensityMap density_map(const AgentsAt& agents) {
   };
   blur(map.rows, map.columns, map.columns, 1);
   blur(map.columns, map.rows, 1, map.columns);
+  if (agents.environment != nullptr) {
+    keep_within(agents.environment->rings, corner_m, map);
+  }
   for (float& density : map.density) {
     density /= static_cast<float>(map.cell_m * map.cell_m);
     map.highest = std::max(map.highest, density);

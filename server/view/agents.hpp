@@ -68,7 +68,8 @@ std::optional<ShownAgent> pick_agent(const AgentsAt& agents, const render::Camer
                                      double slack_px = 6.0);
 
 /// Agents per square metre on a grid over the crowd [row][column], each agent spread as a Gaussian
-/// of `kDensitySigmaM`. Rows go north, at most 96 cells a side.
+/// of `kDensitySigmaM`, and none outside of a walkable area that is known. Rows go north, at most
+/// 96 cells a side.
 struct DensityMap {
   glm::dvec3 low_world{0.0};  // centre of the first cell
   double cell_m = 1.0;

@@ -198,6 +198,14 @@ def environment_of_a_file(place, command, request):
     assert (place / "walled.png").read_bytes() != (place / "bare.png").read_bytes()
 
 
+def removes(place, command, request):
+    process, _, url = start_server(place, "throng-server")
+    run(place, "throng publish run.sqlite --crowd station --rate 200", url=url)
+    run(place, command, url=url)
+    assert json.loads(run(place, "throng crowds --json", url=url).stdout)["crowds"] == []
+    stop(process)
+
+
 EXPECTED = {
     "./deploy/demo": elsewhere("tests/integration/test_demo.py"),
     "./deploy/test": elsewhere("deploy/test"),  # runs this
@@ -221,6 +229,8 @@ EXPECTED = {
         lambda done, place: (place / "then.png").read_bytes()[:4] == b"\x89PNG", "--size 320x180"),
     "throng snapshot --crowd station -o plan.png --camera top": views(
         lambda done, place: (place / "plan.png").read_bytes()[:4] == b"\x89PNG", "--size 320x180"),
+    "throng remove station": removes,
+    "throng remove": elsewhere("tests/client/cli/cli_test.cpp"),
     "throng doctor": prints("raster", "server: "),
     "throng-render run.sqlite -o 'out/####.png'": renders("out/0001.png", "out/0101.png"),
     "throng-render walk.txt --source-fps 16 --source-unit cm -o walk.mp4 --size 1920x1080": renders(

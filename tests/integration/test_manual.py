@@ -7,7 +7,7 @@ import subprocess
 import pytest
 from conftest import BUILD, ROOT
 
-SUBCOMMANDS = "publish record snapshot watch crowds info convert doctor inspect export report sheet".split()
+SUBCOMMANDS = "publish record snapshot watch crowds remove info convert doctor inspect export report sheet".split()
 COMPLETION = ROOT / "deploy/completion/throng.bash"
 
 
@@ -69,7 +69,7 @@ def test_every_flag_has_an_example_and_examples_have_no_other():
 
 def test_what_a_script_reads_comes_as_json():
     text = dict(commands())
-    for command in ("throng crowds", "throng info", "throng doctor", "throng-bake inspect", "throng-bake report",
+    for command in ("throng crowds", "throng remove", "throng info", "throng doctor", "throng-bake inspect", "throng-bake report",
                     "throng-server"):
         assert "--json" in text[command], command
     if "throng-view" in text:

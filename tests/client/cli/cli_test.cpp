@@ -1,6 +1,9 @@
 #include <absl/strings/str_cat.h>
 #include <gmock/gmock.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <cstdio>
@@ -126,6 +129,71 @@ TEST(CommandTest, NoServerIsAFailureThatSaysWhatToDo) {
   const Outcome outcome = run("crowds --server 127.0.0.1:" + std::to_string(port));
   EXPECT_EQ(outcome.code, kFailure);
   EXPECT_THAT(outcome.err, HasSubstr("throng-server"));
+}
+
+/// Answers one request after the other as a page would.
+class Page {
+ public:
+  Page() : door_(socket(AF_INET, SOCK_STREAM, 0)) {
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t size = sizeof address;
+    EXPECT_EQ(bind(door_, reinterpret_cast<sockaddr*>(&address), size), 0);
+    EXPECT_EQ(listen(door_, 8), 0);
+    EXPECT_EQ(getsockname(door_, reinterpret_cast<sockaddr*>(&address), &size), 0);
+    port_ = ntohs(address.sin_port);
+    thread_ = std::thread([this] {
+      for (int guest; (guest = accept(door_, nullptr, nullptr)) >= 0; close(guest)) {
+        char request[256];
+        if (recv(guest, request, sizeof request, 0) <= 0) continue;
+        static constexpr char kAnswer[] = "HTTP/1.1 400 Bad Request\r\nContent-Length: 0\r\n\r\n";
+        (void)send(guest, kAnswer, sizeof kAnswer - 1, MSG_NOSIGNAL);
+      }
+    });
+  }
+  ~Page() {
+    shutdown(door_, SHUT_RDWR);
+    thread_.join();
+    close(door_);
+  }
+  std::string address() const { return "127.0.0.1:" + std::to_string(port_); }
+
+ private:
+  int door_, port_ = 0;
+  std::thread thread_;
+};
+
+TEST(CommandTest, ThePagesAddressIsToldFromTheServers) {
+  const TemporaryFolder folder;
+  const Page page;
+  for (const std::string& command :
+       {std::string("crowds"), "snapshot --crowd a -o " + folder.file("a.png"),
+        "snapshot --crowd a --camera top -o " + folder.file("a.png"),
+        "record --crowd a -o " + folder.file("a.mp4"),
+        "publish " + write_csv(folder) + " --crowd a"}) {
+    const Outcome outcome = run(command + " --server " + page.address());
+    EXPECT_EQ(outcome.code, kFailure) << command;
+    EXPECT_THAT(outcome.err, HasSubstr(page.address() + " answers HTTP")) << command;
+  }
+}
+
+TEST(CommandTest, RemovesACrowdAndNamesThoseThatAreThere) {
+  const TestServer server;
+  const TemporaryFolder folder;
+  const std::string at = " --server " + server.address();
+  EXPECT_THAT(run("remove walk" + at).err, HasSubstr("there are none"));
+  ASSERT_EQ(run("publish " + write_csv(folder) + " --crowd walk --rate 50" + at).code, kOk);
+  const Outcome unknown = run("remove wlak" + at);
+  EXPECT_EQ(unknown.code, kFailure);
+  EXPECT_THAT(unknown.err, HasSubstr("there is no crowd 'wlak'; there is walk"));
+  EXPECT_THAT(
+      run("snapshot --crowd walk --time 999 -o " + folder.file("a.png") + at).err,
+      HasSubstr("at 999.00 s there is nothing of crowd 'walk': its history goes from 0.00"));
+  const Outcome removed = run("remove walk --json" + at);
+  EXPECT_EQ(removed.code, kOk) << removed.err;
+  EXPECT_EQ(removed.out, "{\"removed\":\"walk\"}\n");
+  EXPECT_THAT(run("crowds" + at).err, HasSubstr("no crowds"));
 }
 
 TEST(CommandTest, InfoTellsOfAFile) {

@@ -176,6 +176,14 @@ TEST_F(SumoFcdTest, BrokenElementsAreNamedWithTheirLine) {
                {"line 2", "--human-readable-time"});
   expect_error(read_all(write("a.xml", "<routes>\n</routes>")).status,
                {"line 1", "'routes'", "fcd-export"});
+  expect_error(
+      read_all(write("n.xml", "<?xml version=\"1.0\"?>\n<!-- <a> -->\n<net version=\"1\">")).status,
+      {"SUMO's network", "--environment", "--fcd-output"});
+  expect_error(read_all(write("a.md",
+                              "# throng\nIt walks about in the hall, and then, of course, it "
+                              "walks back again.\n"))
+                   .status,
+               {"a.md", "no trajectories", "CSV"});
 }
 
 TEST_F(SumoFcdTest, HostileXmlIsRefused) {

@@ -152,19 +152,34 @@ TEST(EnvironmentTest, ManyPointsAreRaised) {
   EXPECT_GT((*environment)->triangles, 12'000U);
 }
 
-TEST(EnvironmentTest, CamerasSeeTheWallsNearTheAgents) {
+TEST(EnvironmentTest, CamerasSeeTheWholeRoom) {
   const glm::dvec3 origin(100.0, 0.0, 0.0);
   const auto room = make_environment("POLYGON ((90 0, 110 0, 110 8, 90 8, 90 0))", origin,
                                      {.wall_thickness_m = 0.5});
   ASSERT_TRUE(room.ok()) << room.status();
-  glm::dvec3 low(98.0, 3.0, 0.0), high(106.0, 4.0, 0.0);
+  glm::dvec3 low(103.0, 3.0, 0.0), high(104.0, 4.0, 0.0);
   include_environment(room->get(), origin, low, high);
-  EXPECT_NEAR(low.x, 93.0, 1e-4);    // 5 m from who stands nearest
-  EXPECT_NEAR(high.x, 110.5, 1e-4);  // the wall's outside
+  EXPECT_NEAR(low.x, 89.5, 1e-4);  // the wall's outside
+  EXPECT_NEAR(high.x, 110.5, 1e-4);
   EXPECT_NEAR(low.y, -0.5, 1e-4);
   EXPECT_NEAR(high.y, 8.5, 1e-4);
   include_environment(nullptr, origin, low, high);
-  EXPECT_NEAR(low.x, 93.0, 1e-4);
+  EXPECT_NEAR(low.x, 89.5, 1e-4);
+}
+
+TEST(EnvironmentTest, CamerasSeeOfALargeSiteWhatIsNearTheAgents) {
+  const auto site =
+      make_environment("POLYGON ((0 0, 400 0, 400 9, 0 9, 0 0))", {}, {.wall_thickness_m = 0.5});
+  ASSERT_TRUE(site.ok()) << site.status();
+  glm::dvec3 low(98.0, 3.0, 0.0), high(118.0, 4.0, 0.0);
+  include_environment(site->get(), {}, low, high);
+  EXPECT_NEAR(low.x, 88.0, 1e-4);  // half of what the agents span
+  EXPECT_NEAR(high.x, 128.0, 1e-4);
+  EXPECT_NEAR(low.y, -0.5, 1e-4);
+  low = {20.0, 3.0, 0.0}, high = {160.0, 4.0, 0.0};
+  include_environment(site->get(), {}, low, high);
+  EXPECT_NEAR(low.x, -0.5, 1e-4);  // it is three times as long as they span
+  EXPECT_NEAR(high.x, 400.5, 1e-4);
 }
 
 TEST(EnvironmentTest, WhoNoLongerWaitsIsNotServed) {

@@ -191,6 +191,20 @@ TEST_F(RegistryTest, OverviewFitsTheCrowdAroundItsOrigin) {
   EXPECT_TRUE(moment.live);
 }
 
+TEST_F(RegistryTest, OverviewOfNobodyFitsWhereSomebodyWas) {
+  const auto producer = open(start_of("a", "r"));
+  ASSERT_TRUE(producer->push(frame_of(0, {{30, 40, 0}})).ok());
+  ASSERT_TRUE(producer->push(frame_of(100'000, {{50, 45, 0}})).ok());
+  ASSERT_TRUE(producer->push(frame_of(200'000, {})).ok());
+  const Moment moment = (*registry.find("a"))->moment(now);
+  EXPECT_NEAR(moment.overview.low.x, 29.0, 1e-4);
+  EXPECT_NEAR(moment.overview.high.x, 51.0, 1e-4);
+  EXPECT_EQ(registry.list().at(0).box.low.x, 30.0);
+  EXPECT_EQ(registry.list().at(0).agents, 0U);
+  ASSERT_TRUE(producer->push(frame_of(300'000, {{32, 41, 0}})).ok());
+  EXPECT_EQ(registry.list().at(0).box.low.x, 32.0);
+}
+
 TEST_F(RegistryTest, RefusesAWalkableAreaThatIsTooLong) {
   const auto producer = open(start_of("a", "r"));
   EXPECT_TRUE(producer->set_walkable_area("POLYGON ((0 0, 1 0, 1 1, 0 0))").ok());

@@ -26,11 +26,15 @@ struct Environment {
   std::vector<Character> pieces;  // placed at the crowd's origin, unturned
   std::uint64_t triangles = 0;
   glm::dvec3 low_m{0.0}, high_m{0.0};  // box of all pieces, from the crowd's origin
+  // Of the walkable area, from the crowd's origin: inside is what an odd number of rings is around.
+  // Empty where the area is not known.
+  std::vector<std::vector<glm::dvec2>> rings;
 };
 
-/// Grows a box of agents (world frame, metres) by what stands near them, for cameras to be fitted
-/// to: the environment within half of what the agents span, at least 5 m. A city in which a few
-/// people stand does not make them specks.
+/// Grows a box of agents (world frame, metres) by what stands about them, for cameras to be fitted
+/// to. A room is shown whole: an environment that spans, with the agents, up to 60 m or three times
+/// what they span. Of a larger one, what is within half of what the agents span, at least 5 m: a
+/// city in which a few people stand does not make them specks.
 /// @param environment  null: the box stays
 /// @param origin_world  of the crowd
 void include_environment(const Environment* environment, const glm::dvec3& origin_world,

@@ -47,6 +47,7 @@ class Connection {
 };
 
 /// The same code and message; a server that can't be reached is named with what to do about it.
+/// FailedPrecondition where the address is a page's. May take two seconds after such a failure.
 absl::Status from_grpc(const grpc::Status& status, const Connection& connection);
 
 }  // namespace throng::client
