@@ -26,8 +26,9 @@ struct BakeOptions {
 
 struct BakeResult {
   render::CharacterData character;
-  std::uint32_t point_count = 0;  // welded points; vertices are their wedges
-  std::uint32_t pose_count = 0;   // poses that the collapse was judged in
+  std::uint32_t point_count = 0;           // welded points; vertices are their wedges
+  std::uint32_t pose_count = 0;            // poses that the collapse was judged in
+  std::vector<std::uint32_t> pose_frames;  // those but the bind pose, into the palette
   double seconds = 0.0;
   std::vector<std::string> notes;  // for the user: what was left out, changed or guessed
 };

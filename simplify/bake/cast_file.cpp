@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 namespace throng::simplify {
@@ -44,6 +45,18 @@ absl::StatusOr<CastFile> CastFile::open(const std::string& folder) {
     CastEntry known{text("name"), text("file"), text("source"), text("tool")};
     if (entry.contains("bake_s") && entry["bake_s"].is_number())
       known.bake_s = entry["bake_s"].get<double>();
+    if (entry.contains("pose_frames") && entry["pose_frames"].is_array()) {
+      auto& frames = known.pose_frames.emplace();
+      for (const Json& frame : entry["pose_frames"]) {
+        if (!frame.is_number_unsigned() ||
+            frame.get<std::uint64_t>() > std::numeric_limits<std::uint32_t>::max()) {
+          return absl::InvalidArgumentError(absl::StrCat(cast.path_, ": characters[", i,
+                                                         "] has pose_frames of ", frame.dump(),
+                                                         ", must be numbers of frames"));
+        }
+        frames.push_back(frame.get<std::uint32_t>());
+      }
+    }
     if (known.name.empty()) known.name = std::filesystem::path(known.file).stem().string();
     cast.entries_.push_back(std::move(known));
   }
@@ -82,6 +95,7 @@ absl::Status CastFile::save() const {
     written["source"] = entry.source;
     written["tool"] = entry.tool;
     if (entry.bake_s >= 0.0) written["bake_s"] = std::round(entry.bake_s * 100.0) / 100.0;
+    if (entry.pose_frames.has_value()) written["pose_frames"] = *entry.pose_frames;
     characters.push_back(std::move(written));
   }
   json["characters"] = std::move(characters);

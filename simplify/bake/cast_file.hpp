@@ -3,6 +3,8 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,6 +17,8 @@ struct CastEntry {
   std::string source;    // content hash of the input
   std::string tool;      // program and settings
   double bake_s = -1.0;  // seconds from reading the input to the checked mesh; negative: not known
+  /// Frames of the palette that the levels were judged in, beside the bind pose; none: not known.
+  std::optional<std::vector<std::uint32_t>> pose_frames{};
 };
 
 /// A folder's cast.json while it is extended. Weights, clip overrides and whatever else users wrote

@@ -159,6 +159,7 @@ class Runner {
         result->notes.push_back(absl::StrCat("no impostor: ", relief.status().message()));
       }
     }
+    entry.pose_frames = result->pose_frames;
     entry.bake_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     if (auto status = render::write_character(*character, path); !status.ok()) return status;
 

@@ -25,8 +25,9 @@ enum class Criterion : std::uint8_t {
 /// Where the points of a surface are in a number of poses; pose 0 is the bind pose.
 struct PoseSet {
   std::uint32_t count = 0;
-  std::vector<glm::vec3> position;  // [count][P], metres, model frame
-  std::vector<float> weight;        // [count] share of the mean cost, sums to 1
+  std::vector<glm::vec3> position;   // [count][P], metres, model frame
+  std::vector<float> weight;         // [count] share of the mean cost, sums to 1
+  std::vector<std::uint32_t> frame;  // [count - 1] of the palette, for pose 1 and up
 };
 
 /// Linear blend skinning of all points with one frame of a palette [J].

@@ -10,6 +10,7 @@ PoseSet make_poses(const Surface& surface, std::span<const render::Affine> palet
                    std::uint32_t joint_count, std::span<const std::uint32_t> frames) {
   PoseSet poses;
   poses.count = static_cast<std::uint32_t>(frames.size()) + 1;
+  poses.frame.assign(frames.begin(), frames.end());
   const std::size_t points = surface.points.size();
   poses.position.resize(poses.count * points);
   for (std::size_t i = 0; i < points; ++i) poses.position[i] = surface.points[i].position;

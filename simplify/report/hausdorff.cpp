@@ -118,7 +118,8 @@ float TriangleTree::distance2(const glm::vec3& point, float enough2) const {
 }
 
 SurfaceSamples::SurfaceSamples(std::span<const glm::vec3> position,
-                               std::span<const glm::uvec3> triangles, std::uint32_t between) {
+                               std::span<const glm::uvec3> triangles, std::uint32_t between,
+                               bool with_corners) {
   std::vector<bool> is_used(position.size());
   std::vector<double> area_up_to(triangles.size());
   double area = 0.0;
@@ -126,7 +127,7 @@ SurfaceSamples::SurfaceSamples(std::span<const glm::vec3> position,
     const glm::uvec3& t = triangles[i];
     area += glm::length(glm::cross(position[t.y] - position[t.x], position[t.z] - position[t.x]));
     area_up_to[i] = area;
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 3 && with_corners; ++k) {
       if (is_used[t[k]]) continue;
       is_used[t[k]] = true;
       samples_.push_back({glm::uvec3(t[k]), {1.0F, 0.0F, 0.0F}});

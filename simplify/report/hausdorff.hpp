@@ -38,8 +38,9 @@ class TriangleTree {
 class SurfaceSamples {
  public:
   /// @param between  places beside the corners
+  /// @param with_corners  false: places by area alone, as a mean over the surface needs
   SurfaceSamples(std::span<const glm::vec3> position, std::span<const glm::uvec3> triangles,
-                 std::uint32_t between);
+                 std::uint32_t between, bool with_corners = true);
   std::size_t size() const { return samples_.size(); }
   glm::vec3 at(std::size_t i, std::span<const glm::vec3> position) const {
     const Sample& s = samples_[i];

@@ -3,6 +3,7 @@
 
 #include <cstdio>
 #include <tuple>
+#include <utility>
 
 #include "simplify/report/report.hpp"
 
@@ -86,8 +87,7 @@ void add_summary(const std::vector<SummaryRow>& rows, std::string& html) {
     for (const char* what : {"overlap", "PSNR dB", "SSIM", "Hausdorff %"})
       absl::StrAppend(&html, "<th>", what, "<br><span class=\"quiet\">", of, "</span></th>");
   }
-  absl::StrAppend(
-      &html, "<th>throng no worse<br><span class=\"quiet\">SSIM, characters</span></th></tr>\n");
+  html += "</tr>\n";
   for (const SummaryRow& row : rows) {
     const bool is_ours = row.method == Method::kThrong;
     absl::StrAppend(&html, is_ours ? "<tr class=\"first\">" : "<tr>", "<td>",
@@ -157,6 +157,81 @@ void add_comparison(const std::vector<ComparisonRow>& rows, std::string& html) {
   }
 }
 
+/// What it costs that levels were made in some frames only, in a sentence and a table.
+void add_sampling(const CharacterReport& character, std::string& html) {
+  html += "<h3>What the sampling of poses costs</h3>\n";
+  if (!character.sampling.has_value()) {
+    html +=
+        "<p class=\"quiet\">Not known: no cast.json tells in which frames this character's levels "
+        "were made. Bake it again, and give the folder of the cast.</p>\n";
+    return;
+  }
+  const SamplingCost& cost = *character.sampling;
+  const auto percent = [&](float m) { return 100.0 * static_cast<double>(m / character.height_m); };
+  absl::StrAppendFormat(&html, "<p>The levels were made in the bind pose and %u of %u frames",
+                        cost.sampled, cost.usual);
+  if (cost.usual < cost.frames) {
+    absl::StrAppendFormat(&html,
+                          " of idle, walk and run; the %u frames of other clips can't be picked",
+                          cost.frames - cost.usual);
+  }
+  html += '.';
+  if (cost.sampled == cost.frames) {
+    html += " None was left out, so the sampling costs nothing.</p>\n";
+    return;
+  }
+  if (!cost.farthest.empty()) {
+    absl::StrAppendFormat(&html,
+                          " The one least like any of these, %s, has its surface %.2f %% of the "
+                          "height away from the nearest of them in the mean.",
+                          escaped(cost.farthest), percent(cost.farthest_m));
+  }
+  const std::pair<const char*, SamplingCost::Distance SamplingCost::Level::*> sets[] = {
+      {"the frames that these were picked from", &SamplingCost::Level::usual},
+      {"all frames", &SamplingCost::Level::all}};
+  for (const auto& [name, set] : sets) {
+    const SamplingCost::Level* worst = nullptr;
+    for (const SamplingCost::Level& level : cost.levels) {
+      if (worst == nullptr || level.excess(level.*set) > worst->excess(worst->*set)) worst = &level;
+    }
+    if (worst == nullptr) continue;
+    const float excess = worst->excess(worst->*set);
+    if (excess > 0.005F) {
+      absl::StrAppendFormat(&html,
+                            " Over %s, levels are up to %.0f %% farther from the full mesh than "
+                            "over the sampled ones (%s).",
+                            name, 100.0F * excess, kLevelSpecs[worst->level].name);
+    } else {
+      absl::StrAppendFormat(
+          &html, " Over %s, no level is farther from the full mesh than over the sampled ones.",
+          name);
+    }
+  }
+  html +=
+      "</p>\n<div class=\"scroll\"><table><tr><th>level</th><th>RMS %<br><span "
+      "class=\"quiet\">sampled frames</span></th><th>RMS %<br><span class=\"quiet\">picked "
+      "from</span></th><th>RMS %<br><span class=\"quiet\">all frames</span></th><th>largest "
+      "%<br><span class=\"quiet\">sampled frames</span></th><th>largest %<br><span "
+      "class=\"quiet\">picked from</span></th><th>largest %<br><span class=\"quiet\">all "
+      "frames</span></th><th>RMS %<br><span class=\"quiet\">worst left "
+      "out</span></th><th>which</th></tr>\n";
+  for (const SamplingCost::Level& level : cost.levels) {
+    absl::StrAppendFormat(&html, "<tr><td>%s</td><td>%.3f</td>", kLevelSpecs[level.level].name,
+                          percent(level.sampled.rms_m));
+    for (const SamplingCost::Distance& set : {level.usual, level.all})
+      html += cell(absl::StrFormat("%.3f", percent(set.rms_m)), level.excess(set) > 0.1F);
+    absl::StrAppendFormat(
+        &html,
+        "<td>%.2f</td><td>%.2f</td><td>%.2f</td><td>%.3f</td><td class=\"words\">%s</td></tr>\n",
+        percent(level.sampled.max_m), percent(level.usual.max_m), percent(level.all.max_m),
+        percent(level.worst_left_out_rms_m), escaped(level.worst_left_out));
+  }
+  html +=
+      "</table></div>\n<p class=\"quiet\">Distance between a level and the full mesh, both ways, "
+      "in "
+      "% of the height. Red: over a tenth more than in the sampled frames.</p>\n";
+}
+
 void add_character(const CharacterReport& character, std::string& html) {
   absl::StrAppendFormat(
       &html,
@@ -222,8 +297,10 @@ void add_character(const CharacterReport& character, std::string& html) {
                       escaped(character.poses[row.hausdorff_pose]), "</td></tr>\n");
     }
   }
+  html += "</table></div>\n";
+  add_sampling(character, html);
   absl::StrAppend(
-      &html, "</table></div>\n<figure><img src=\"", escaped(character.levels_png),
+      &html, "<figure><img src=\"", escaped(character.levels_png),
       "\" alt=\"levels by method\" loading=\"lazy\"></figure>\n<details><summary>The worst "
       "picture of each level, as "
       "seen at native height and enlarged</summary><img src=\"",
@@ -278,7 +355,8 @@ std::string report_html(const ReportResult& result, const ReportOptions& options
   html +=
       "<h2>All characters</h2>\n<p>Median over characters. <a href=\"levels.csv\">levels.csv</a>, "
       "<a "
-      "href=\"summary.csv\">summary.csv</a>, <a href=\"comparison.csv\">comparison.csv</a></p>\n";
+      "href=\"summary.csv\">summary.csv</a>, <a href=\"sampling.csv\">sampling.csv</a>, <a "
+      "href=\"comparison.csv\">comparison.csv</a></p>\n";
   add_summary(rows, html);
   add_comparison(compare(result.characters), html);
   html += extra_html;

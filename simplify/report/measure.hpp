@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <array>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "simplify/report/pose.hpp"
 #include "simplify/report/rivals.hpp"
+#include "simplify/report/sampling.hpp"
 #include "throng/render/asset.hpp"
 #include "throng/render/picture.hpp"
 
@@ -58,8 +60,9 @@ struct CharacterReport {
   double report_s = 0.0;
   std::vector<std::string> poses;  // names
   std::vector<ViewAngle> views;
-  std::vector<LevelReport> levels;    // by method, then level
-  std::string levels_png, worst_png;  // file names in the report's folder
+  std::vector<LevelReport> levels;       // by method, then level
+  std::string levels_png, worst_png;     // file names in the report's folder
+  std::optional<SamplingCost> sampling;  // none: not known which poses were sampled
 };
 
 /// True where a rival couldn't come down to throng's triangle count (5 % more are the same).

@@ -39,6 +39,13 @@ std::string pose_name(const render::Character& character, PoseId pose) {
   return absl::StrCat(character.clips[pose.clip].name, " frame ", pose.frame);
 }
 
+void pose_positions(const render::Character& character, std::size_t frame,
+                    std::span<glm::vec3> position) {
+  const render::Affine* palette = character.palette.data() + frame * character.joint_count();
+  for (std::size_t i = 0; i < position.size(); ++i)
+    position[i] = times(blended(character, i, palette), glm::vec4(character.position[i], 1.0F));
+}
+
 PosedVertices pose_vertices(const render::Character& character, PoseId pose) {
   const render::Affine* palette = palette_of(character, pose);
   PosedVertices posed;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -24,7 +25,12 @@ struct PosedVertices {
   std::vector<glm::vec3> normal;    // [C] unit length
 };
 
-/// Linear blend skinning of all vertices (equation 2 of Dong & Peng 2019).
+/// Linear blend skinning of the first vertices (equation 2 of Dong & Peng 2019), as many as
+/// `position` has room for, in a frame of the palette.
+void pose_positions(const render::Character& character, std::size_t frame,
+                    std::span<glm::vec3> position);
+
+/// The same of all vertices, with normals.
 PosedVertices pose_vertices(const render::Character& character, PoseId pose);
 
 /// At most `count` poses over all clips by farthest-point sampling: the first frame of the first

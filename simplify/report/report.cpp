@@ -90,6 +90,9 @@ class Writer {
         !status.ok()) {
       return status;
     }
+    if (auto status = write_text(folder / "sampling.csv", sampling_csv(result_.characters));
+        !status.ok())
+      return status;
     std::string peng;
     if (!options_.peng2011.empty()) {
       say(absl::StrCat("baking ", options_.peng2011, " by the published criterion"));
@@ -139,6 +142,11 @@ class Writer {
     report.bake_s = file.bake_s;
     std::error_code error;
     report.file_bytes = fs::file_size(file.path, error);
+    if (file.pose_frames.has_value()) {
+      auto sampling = measure_sampling(*character, *file.pose_frames);
+      if (!sampling.ok()) return sampling.status();
+      report.sampling = *std::move(sampling);
+    }
     report.levels_png = absl::StrCat(file.name, "_levels.png");
     report.worst_png = absl::StrCat(file.name, "_worst.png");
     const fs::path folder(options_.folder);
@@ -187,7 +195,8 @@ absl::StatusOr<std::vector<BakedFile>> find_baked(const std::vector<std::string>
     const auto cast = CastFile::open(input);
     if (!cast.ok()) return cast.status();
     for (const CastEntry& entry : cast->entries())
-      files.push_back({entry.name, (fs::path(input) / entry.file).string(), entry.bake_s});
+      files.push_back(
+          {entry.name, (fs::path(input) / entry.file).string(), entry.bake_s, entry.pose_frames});
   }
   // pictures are named by character
   for (std::size_t i = 0; i < files.size(); ++i) {

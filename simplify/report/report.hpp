@@ -4,6 +4,7 @@
 #include <absl/status/statusor.h>
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,7 +15,8 @@ namespace throng::simplify {
 /// A baked character on disk, and what its cast knows of it.
 struct BakedFile {
   std::string name, path;
-  double bake_s = -1.0;  // negative: not known
+  double bake_s = -1.0;                                     // negative: not known
+  std::optional<std::vector<std::uint32_t>> pose_frames{};  // as CastEntry's
 };
 
 /// The files of casts (folders with cast.json) and .throng files, in the order given.
@@ -45,7 +47,8 @@ struct ReportResult {
 };
 
 /// Measures characters and writes a folder: index.html with its pictures, levels.csv with a line
-/// for each character, level and method, summary.csv with a line for each level and method. A
+/// for each character, level and method, summary.csv with a line for each level and method,
+/// sampling.csv with what the sampling of poses costs at each level. A
 /// character that can't be read is told in `errors`, the others are still reported. Errors only for
 /// what stops everything: nothing to report, a folder that can't be written (Unavailable).
 absl::StatusOr<ReportResult> write_report(const ReportOptions& options);
@@ -81,6 +84,8 @@ struct ComparisonRow {
 std::vector<ComparisonRow> compare(const std::vector<CharacterReport>& characters);
 
 std::string levels_csv(const std::vector<CharacterReport>& characters);
+/// A line for each character and level below the full one, of those whose sampled poses are known.
+std::string sampling_csv(const std::vector<CharacterReport>& characters);
 std::string summary_csv(const std::vector<SummaryRow>& rows);
 std::string comparison_csv(const std::vector<ComparisonRow>& rows);
 std::string report_json(const ReportResult& result);

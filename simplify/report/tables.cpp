@@ -165,6 +165,35 @@ std::string levels_csv(const std::vector<CharacterReport>& characters) {
   return csv;
 }
 
+std::string sampling_csv(const std::vector<CharacterReport>& characters) {
+  std::string csv =
+      "character,level,frames,usual_frames,sampled_frames,rms_percent_sampled,rms_percent_usual,"
+      "rms_percent_all,max_percent_sampled,max_percent_usual,max_percent_all,worst_frame_left_out,"
+      "worst_frame_rms_percent,farthest_frame,farthest_percent\n";
+  for (const CharacterReport& character : characters) {
+    if (!character.sampling.has_value()) continue;
+    const SamplingCost& cost = *character.sampling;
+    const auto percent = [&](float m) {
+      return 100.0 * static_cast<double>(m / character.height_m);
+    };
+    for (const SamplingCost::Level& level : cost.levels) {
+      absl::StrAppendFormat(&csv, "%s,%s,%u,%u,%u,%.4f,%.4f,%.4f,%.3f,%.3f,%.3f,%s,",
+                            field(character.name), kLevelSpecs[level.level].name, cost.frames,
+                            cost.usual, cost.sampled, percent(level.sampled.rms_m),
+                            percent(level.usual.rms_m), percent(level.all.rms_m),
+                            percent(level.sampled.max_m), percent(level.usual.max_m),
+                            percent(level.all.max_m), field(level.worst_left_out));
+      // nothing where no frame was left out
+      if (!level.worst_left_out.empty())
+        absl::StrAppendFormat(&csv, "%.4f", percent(level.worst_left_out_rms_m));
+      absl::StrAppend(&csv, ",", field(cost.farthest), ",");
+      if (!cost.farthest.empty()) absl::StrAppendFormat(&csv, "%.3f", percent(cost.farthest_m));
+      csv += '\n';
+    }
+  }
+  return csv;
+}
+
 std::string summary_csv(const std::vector<SummaryRow>& rows) {
   std::string csv = "level,method,characters,triangles_to_throng";
   for (const char* of : {"median", "worst_pose", "worst"})
@@ -219,6 +248,27 @@ std::string report_json(const ReportResult& result) {
                                {"median", figures(row.median)},
                                {"worst_pose", figures(row.worst_pose)},
                                {"worst", figures(row.worst)}});
+  }
+  json["sampling"] = Json::array();
+  for (const CharacterReport& character : result.characters) {
+    if (!character.sampling.has_value()) continue;
+    const SamplingCost& cost = *character.sampling;
+    Json levels = Json::array();
+    for (const SamplingCost::Level& level : cost.levels) {
+      levels.push_back({{"level", kLevelSpecs[level.level].name},
+                        {"rms_m_sampled", level.sampled.rms_m},
+                        {"rms_m_usual", level.usual.rms_m},
+                        {"rms_m_all", level.all.rms_m},
+                        {"max_m_sampled", level.sampled.max_m},
+                        {"max_m_usual", level.usual.max_m},
+                        {"max_m_all", level.all.max_m}});
+    }
+    json["sampling"].push_back({{"character", character.name},
+                                {"frames", cost.frames},
+                                {"usual_frames", cost.usual},
+                                {"sampled_frames", cost.sampled},
+                                {"farthest_m", cost.farthest_m},
+                                {"levels", std::move(levels)}});
   }
   json["same_triangles"] = Json::array();
   for (const ComparisonRow& row : compare(result.characters)) {

@@ -69,7 +69,8 @@ TEST_F(ReportTest, ReportsACastWithPicturesAndTables) {
   write_tiny("one");
   write_tiny("two", 1.5F);
   std::ofstream(path("cast.json")) << R"({"throng_cast": 1, "characters": [
-      {"name": "one", "file": "one.throng", "bake_s": 0.25}, {"name": "two", "file": "two.throng"}]})";
+      {"name": "one", "file": "one.throng", "bake_s": 0.25, "pose_frames": [0, 12, 20]},
+      {"name": "two", "file": "two.throng"}]})";
   const ProgramRun run = throng_bake("report " + path("") + " -o " + path("out") +
                                      " --views 2 --poses 2 --meshoptimizer ''");
   ASSERT_EQ(run.code, 0) << run.output;
@@ -81,6 +82,18 @@ TEST_F(ReportTest, ReportsACastWithPicturesAndTables) {
   ASSERT_GE(lines.size(), 1U + 2U * 6U);
   for (const auto& line : lines) EXPECT_EQ(line.size(), lines[0].size());
   EXPECT_EQ(lines[0][0], "character");
+  // one is known to be made in three of its 24 frames, of two nothing is known
+  EXPECT_THAT(html, HasSubstr("made in the bind pose and 3 of 24 frames"));
+  EXPECT_THAT(html, HasSubstr("<th>RMS %"));
+  EXPECT_THAT(html, HasSubstr("Not known: no cast.json tells"));
+  const auto sampling = parse_csv(read(path("out/sampling.csv")));
+  ASSERT_EQ(sampling.size(), 1U + 5U);
+  for (const auto& line : sampling) EXPECT_EQ(line.size(), sampling[0].size());
+  EXPECT_EQ(sampling[1][0], "one");
+  EXPECT_EQ(sampling[1][2], "24");
+  EXPECT_EQ(sampling[1][3], "24");
+  EXPECT_EQ(sampling[1][4], "3");
+  EXPECT_GT(std::stod(sampling[5][7]), 0.0);
   const auto summary = parse_csv(read(path("out/summary.csv")));
   ASSERT_GE(summary.size(), 7U);
   for (const auto& line : summary) EXPECT_EQ(line.size(), summary[0].size());
@@ -91,6 +104,16 @@ TEST_F(ReportTest, ReportsACastWithPicturesAndTables) {
         << name;
     EXPECT_THAT(html, HasSubstr(name));
   }
+}
+
+TEST_F(ReportTest, FramesOfAnotherBakeAreTold) {
+  write_tiny("one");
+  std::ofstream(path("cast.json")) << R"({"throng_cast": 1, "characters": [
+      {"name": "one", "file": "one.throng", "pose_frames": [24]}]})";
+  const ProgramRun run = throng_bake("report " + path("") + " -o " + path("out") +
+                                     " --views 1 --poses 1 --meshoptimizer ''");
+  EXPECT_EQ(run.code, 3);
+  EXPECT_THAT(run.output, HasSubstr("sampled frame is 24, must be below 24"));
 }
 
 TEST_F(ReportTest, TableHasTheRowsOfEachCharacterThatIsDone) {
