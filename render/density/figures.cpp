@@ -159,15 +159,15 @@ absl::StatusOr<FarFigures> make_far_figures(const Cast& cast) {
   return figures;
 }
 
-void add_far_figures(const Cast& cast, std::span<const std::uint16_t> members,
-                     FarFigures& figures) {
+void add_far_figures(const Cast& cast, std::span<const std::uint16_t> members, FarFigures& figures,
+                     std::uint32_t most_members) {
   for (const std::uint16_t m : members) {
     if (m >= cast.members.size() || figures.block[m] != FarFigures::kNobody ||
         !has_figure(cast.members[m])) {
       continue;
     }
     const auto made = static_cast<std::uint32_t>(figures.points.size() / kOfMember) - 1;
-    if (made >= FarFigures::kMostMembers) {
+    if (made >= most_members) {
       figures.block[m] = 1 + m % made;
       continue;
     }

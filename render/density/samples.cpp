@@ -5,6 +5,8 @@
 #include <bit>
 #include <cmath>
 
+#include "render/raster/element/color.hpp"
+
 namespace throng::render {
 namespace {
 
@@ -13,15 +15,6 @@ constexpr int kCells = 64;
 constexpr float kSideM = 1.28F, kBelowM = 0.1F;  // of the picture, and its lower edge
 
 }  // namespace
-
-glm::vec3 unpacked_color(std::uint32_t base) {
-  glm::vec3 color;
-  for (int k = 0; k < 3; ++k) {
-    const float root = static_cast<float>(base >> (10 * k) & 1023U) / 1023.0F;
-    color[k] = root * root;
-  }
-  return color;
-}
 
 std::uint32_t standing_frame(const Character& character) {
   for (const Clip& clip : character.clips) {
@@ -62,7 +55,7 @@ std::vector<Sample> surface_samples(const Character& character, std::uint32_t co
     for (int k = 0; k < 4; ++k) {
       regions[k] = static_cast<float>(tone.regions >> (8 * k) & 255U) / 255.0F;
     }
-    samples.push_back({position * scale, normal, unpacked_color(tone.base), regions});
+    samples.push_back({position * scale, normal, element::unpack_color(tone.base), regions});
   }
   return samples;
 }

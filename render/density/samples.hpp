@@ -17,9 +17,6 @@ struct Sample {
   float weight = 1.0F;
 };
 
-/// Linear colour of a PointTone's or Splat's base.
-glm::vec3 unpacked_color(std::uint32_t base);
-
 /// Palette frame of somebody who stands: the first one of the idle clip, or of all.
 std::uint32_t standing_frame(const Character& character);
 

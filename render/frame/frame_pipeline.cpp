@@ -206,14 +206,26 @@ struct FramePipeline::State {
            !settings.look.color_by_channel;
   }
 
-  /// The far crowd's splats behind those of `geometry`.
+  absl::Status make_far() {
+    if (far != nullptr) return absl::OkStatus();
+    auto made = FarCrowd::make(cast, threads);
+    if (made.ok()) far = *std::move(made);
+    return made.status();
+  }
+
+  /// Who is drawn as the far crowd, for the backend to make its points.
+  absl::Status plan_far(const Crowd& crowd, std::int64_t scene_time_us, const FarView& view,
+                        const FarSettings& settings, FarCounters& counters) {
+    if (absl::Status status = make_far(); !status.ok()) return status;
+    const auto points = far->plan(crowd, scene_time_us, view, settings, counters);
+    if (points.ok()) main->view->far = *points;
+    return points.status();
+  }
+
+  /// The far crowd's splats before those of `geometry`.
   absl::Status add_far(const Crowd& crowd, std::int64_t scene_time_us, const FarView& view,
                        const FarSettings& settings, FrameGeometry& geometry, FrameStats& stats) {
-    if (far == nullptr) {
-      auto made = FarCrowd::make(cast, threads);
-      if (!made.ok()) return made.status();
-      far = *std::move(made);
-    }
+    if (absl::Status status = make_far(); !status.ok()) return status;
     FarCounters counters;
     if (absl::Status status =
             far->generate(crowd, scene_time_us, view, settings, splats, far_shadows, counters);
@@ -309,6 +321,11 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
       far_view.least_m = FarCrowd::distance_m(settings.far, far_view.px_per_tangent);
     }
     view.far_m = far_view.least_m;
+    view.far = nullptr;
+    // gl's passes take splats from the host
+    const bool is_far_planned =
+        has_far && compute.backend->makes_far_points() && state.rasterizer->takes_fused();
+    FarCounters far_counters;
     absl::Status status =
         compute.backend->cull(view, *instances, settings.camera, settings.viewport);
     if (!status.ok()) return status;
@@ -327,6 +344,11 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
     // who is in a picture is asked of figures that are drawn one by one
     selection.mixed.specks = selection.mixed.specks && passes == nullptr &&
                              state.rasterizer->draws(Representation::kSpeck);
+    if (is_far_planned) {
+      status = state.plan_far(crowd, scene_time_us, far_view, settings.far, far_counters);
+      if (!status.ok()) return status;
+      clock.stop(&StageTimes::generate_ms);
+    }
     for (;;) {
       status = compute.backend->select(view, selection);
       if (!status.ok()) return status;
@@ -344,7 +366,12 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
     geometry = compute.backend->geometry(view);
     stats.counters = compute.backend->counters(view);
     stats.counters.agents = (*instances)->present;
-    if (has_far) {
+    if (is_far_planned) {
+      stats.counters.visible += far_counters.visible;
+      stats.counters.drawn_as[static_cast<std::size_t>(Representation::kPoints)] +=
+          stats.counters.far_agents;
+      stats.counters.vertices += stats.counters.far_points;
+    } else if (has_far) {
       status = state.add_far(crowd, scene_time_us, far_view, settings.far, geometry, stats);
       if (!status.ok()) return status;
       clock.stop(&StageTimes::generate_ms);

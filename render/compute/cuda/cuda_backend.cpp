@@ -18,6 +18,7 @@
 #include "render/compute/cuda/cast.hpp"
 #include "render/compute/cuda/device.hpp"
 #include "render/compute/cuda/device_frame.hpp"
+#include "render/compute/cuda/far_store.hpp"
 #include "render/compute/cuda/graph.hpp"
 #include "render/compute/cuda/launch.hpp"
 #include "render/compute/cuda/memory.hpp"
@@ -73,6 +74,11 @@ struct CudaView final : ViewWork {
         pointed(stream),
         joints(stream),
         splats(stream),
+        far_share(stream),
+        far_place(stream),
+        far_first(stream),
+        far_order(stream),
+        far_shadows(stream),
         tier(stream),
         own(stream),
         mesh(stream),
@@ -142,7 +148,16 @@ struct CudaView final : ViewWork {
   DeviceBuffer<JointedInstance> jointed;
   DeviceBuffer<std::uint32_t> first_joint, palettes, first_splat, pointed;
   DeviceBuffer<element::JointMatrix> joints;
-  DeviceBuffer<Splat> splats;
+  DeviceBuffer<Splat> splats;  // the far crowd's first
+  // of the far crowd
+  bool has_far = false;
+  std::shared_ptr<const FarStore::Shape> far_shape;
+  std::shared_ptr<const FarStore::Agents> far_agents;
+  std::uint64_t far_version = 0;  // of far_share
+  DeviceBuffer<FarShare> far_share;
+  DeviceBuffer<FarPlaced> far_place;
+  DeviceBuffer<std::uint32_t> far_first, far_order;
+  DeviceBuffer<Speck> far_shadows;
   std::array<SpeckRun, 1> speck_run;
   bool share_poses = false, fused = false;
   DeviceBuffer<std::uint8_t> tier;
@@ -174,7 +189,8 @@ struct CudaView final : ViewWork {
   std::uint64_t size_bytes() const {
     const auto sum = [](const auto&... buffer) { return (buffer.size_bytes() + ...); };
     return sum(fate, speck_order, specks, representation, jointed, first_joint, palettes,
-               first_splat, pointed, joints, splats) +
+               first_splat, pointed, joints, splats, far_share, far_place, far_first, far_order,
+               far_shadows) +
            sum(mask, order, visible, distance_m, tier, own, mesh, wanted, size, is_made, list,
                posed_table, shared, share, vertex_count, triangle_count, vertex_offset,
                triangle_offset, vertices, held_vertices, held, indices, scratch, sums, counters);
@@ -229,6 +245,7 @@ class CudaBackend final : public ComputeBackend {
     cast_.reset();
     roster_.reset();
     specks_.reset();
+    far_store_.clear();
     for (Staging& staging : staging_) {
       if (staging.copied != nullptr) cudaEventDestroy(staging.copied);
     }
@@ -368,6 +385,8 @@ class CudaBackend final : public ComputeBackend {
     return view;
   }
 
+  bool makes_far_points() const override { return true; }
+
   absl::Status cull(ViewWork& view, std::shared_ptr<const Instances> instances,
                     const Camera& camera, const Viewport& viewport) override {
     auto* own = dynamic_cast<CudaView*>(&view);
@@ -489,8 +508,12 @@ class CudaBackend final : public ComputeBackend {
     const std::uint32_t slots = own->instances->count;
     const CudaCast& cast = *own->instances->cast;
     THRONG_CUDA_TRY(cudaSetDevice(device_), "allocate");
+    FarJob far;
+    if (absl::Status status = far_job(*own, far); !status.ok()) return status;
     std::size_t scratch_bytes = 0;
-    THRONG_CUDA_TRY(scan_scratch_bytes(slots + cast.mesh_count() + 1, scratch_bytes), "allocate");
+    THRONG_CUDA_TRY(
+        scan_scratch_bytes(std::max(slots + cast.mesh_count(), far.shares) + 1, scratch_bytes),
+        "allocate");
     THRONG_CUDA_TRY(own->scratch.resize(scratch_bytes), "allocate");
     THRONG_CUDA_TRY(own->vertex_offset.resize(slots + 1), "allocate");
     THRONG_CUDA_TRY(own->triangle_offset.resize(slots + 1), "allocate");
@@ -520,6 +543,8 @@ class CudaBackend final : public ComputeBackend {
       THRONG_CUDA_TRY(launch_want_poses(posed, stream), "allocate");
       THRONG_CUDA_TRY(launch_want_forms(forms, own->scratch.data(), scratch_bytes, stream),
                       "allocate");
+      THRONG_CUDA_TRY(launch_place_far(far, own->scratch.data(), scratch_bytes, stream),
+                      "allocate");
       THRONG_CUDA_TRY(passes(CudaView::kAllocateEnds), "allocate");
       return absl::OkStatus();
     };
@@ -531,6 +556,9 @@ class CudaBackend final : public ComputeBackend {
     own->times.select_ms = own->moments.ms(CudaView::kCullEnds, CudaView::kSelectEnds);
     own->times.allocate_ms = own->moments.ms(CudaView::kSelectEnds, CudaView::kAllocateEnds);
     own->times.generate_ms = own->moments.ms(CudaView::kGenerateBegins, CudaView::kGenerateEnds);
+    own->has_far = far.shares > 0;
+    if (!own->has_far) own->seen.far_agents = own->seen.far_points = 0;
+    if (!own->has_forms) own->seen.splats = 0;
     const DeviceCounters& seen = own->seen;
     if (absl::Status status = check_batch(seen.own_vertices, seen.own_triangles); !status.ok()) {
       return status;
@@ -540,11 +568,10 @@ class CudaBackend final : public ComputeBackend {
     own->made_vertices = seen.own_vertices;
     THRONG_CUDA_TRY(own->indices.resize(3 * seen.own_triangles), "allocate");
     if (own->fused) THRONG_CUDA_TRY(own->shared.resize(seen.visible), "allocate");
-    if (own->has_forms) {
-      if (absl::Status status = check_forms(seen); !status.ok()) return status;
-      THRONG_CUDA_TRY(own->joints.resize(seen.joints), "allocate");
-      THRONG_CUDA_TRY(own->splats.resize(seen.splats), "allocate");
-    }
+    if (absl::Status status = check_forms(seen); !status.ok()) return status;
+    if (own->has_forms) THRONG_CUDA_TRY(own->joints.resize(seen.joints), "allocate");
+    THRONG_CUDA_TRY(own->splats.resize(seen.far_points + seen.splats), "allocate");
+    THRONG_CUDA_TRY(own->far_shadows.resize(seen.far_agents), "allocate");
     own->stage = ViewStage::kAllocated;
     return absl::OkStatus();
   }
@@ -590,6 +617,9 @@ class CudaBackend final : public ComputeBackend {
     FormsJob forms;
     if (absl::Status status = forms_job(*own, forms); !status.ok()) return status;
     THRONG_CUDA_TRY(launch_make_forms(forms, stream_), "generate");
+    FarJob far;
+    if (absl::Status status = far_job(*own, far); !status.ok()) return status;
+    THRONG_CUDA_TRY(launch_make_far(far, stream_), "generate");
     THRONG_CUDA_TRY(own->moments.record(CudaView::kGenerateEnds, stream_, false), "generate");
     if (own->on_device) {
       if (absl::Status status = leave_geometry(*own); !status.ok()) return status;
@@ -639,6 +669,8 @@ class CudaBackend final : public ComputeBackend {
     counters.triangles = seen.triangles;
     counters.effective_budget = seen.effective_budget;
     counters.shared_poses = seen.shared;
+    counters.far_agents = seen.far_agents;
+    counters.far_points = seen.far_points;
     counters.view_bytes = own->size_bytes();
     counters.device = own->times;
     if (own->stage < ViewStage::kGenerated) return counters;
@@ -787,9 +819,10 @@ class CudaBackend final : public ComputeBackend {
   }
 
   static absl::Status check_forms(const DeviceCounters& seen) {
-    if (seen.splats > kMostSplats) {
-      return absl::ResourceExhaustedError(absl::StrCat(
-          "allocate: ", seen.splats, " points, at most ", kMostSplats, "; make them larger"));
+    const std::uint64_t splats = seen.splats + seen.far_points;
+    if (splats > kMostSplats) {
+      return absl::ResourceExhaustedError(absl::StrCat("allocate: ", splats, " points, at most ",
+                                                       kMostSplats, "; make them larger"));
     }
     return absl::OkStatus();
   }
@@ -818,10 +851,70 @@ class CudaBackend final : public ComputeBackend {
     job.first_splat = view.first_splat.data();
     job.pointed = view.pointed.data();
     job.joints = view.joints.data();
-    job.splats = view.splats.data();
+    job.splats = view.splats.data() + view.seen.far_points;
     job.counters = view.counters.data();
     job.to_pose = view.seen.palettes;
     job.to_point = view.seen.pointed;
+    return absl::OkStatus();
+  }
+
+  /// What the kernels of the far crowd are given, with room for it; without shares: nobody is far.
+  absl::Status far_job(CudaView& view, FarJob& job) {
+    constexpr char kCall[] = "allocate: the far crowd";
+    const FarPoints* far = view.far;
+    if (far == nullptr || far->shares.empty() || view.instances->count == 0) {
+      return absl::OkStatus();
+    }
+    if (far->most_points > kMostSplats) {
+      return absl::ResourceExhaustedError(
+          absl::StrCat(kCall, ": ", far->most_points, " points, at most ", kMostSplats));
+    }
+    {
+      const std::lock_guard lock(mutex_);
+      auto shape = far_store_.shape(*far, stream_);
+      if (!shape.ok()) return shape.status();
+      auto agents = far_store_.agents(*far, stream_);
+      if (!agents.ok()) return agents.status();
+      view.far_shape = *std::move(shape);
+      view.far_agents = *std::move(agents);
+    }
+    if (view.far_version != far->shares_version) {
+      view.far_version = 0;
+      THRONG_CUDA_TRY(copy_far(far->shares, view.far_share, stream_), kCall);
+      view.far_version = far->shares_version;
+    }
+    const CudaInstances& instances = *view.instances;
+    job.cast = instances.cast->device();
+    job.moment = instances.moment;
+    job.state = instances.state.data();
+    job.eye_offset_m = view.cull_seen.eye_offset_m;
+    job.least_m = far->least_m;
+    job.shares = static_cast<std::uint32_t>(far->shares.size());
+    job.share = view.far_share.data();
+    const CudaSnapshot& shown =
+        instances.moment.between.at_newer ? *instances.newer : *instances.older;
+    const bool same_agents = shown.roster == nullptr || shown.roster->roster == far->roster;
+    job.id = same_agents ? nullptr : view.far_agents->id.data();
+    job.height_m = view.far_agents->height_m.data();
+    job.colors = view.far_agents->colors.data();
+    job.member = view.far_agents->member.data();
+    if (!far->figure.empty()) job.figure = view.far_shape->figure.data();
+    job.block = view.far_shape->block.data();
+    job.cloud_position = view.far_shape->position.data();
+    job.cloud_normal = view.far_shape->normal.data();
+    job.cloud_region = view.far_shape->region.data();
+    const std::size_t shares = far->shares.size();
+    THRONG_CUDA_TRY(view.far_place.resize(shares), kCall);
+    THRONG_CUDA_TRY(view.far_first.resize(shares + 1), kCall);
+    THRONG_CUDA_TRY(view.far_order.resize(shares + 1), kCall);
+    job.place = view.far_place.data();
+    job.first = view.far_first.data();
+    job.order = view.far_order.data();
+    job.agents = view.seen.far_agents;
+    job.points = view.seen.far_points;
+    job.splats = view.splats.data();
+    job.shadows = view.far_shadows.data();
+    job.counters = view.counters.data();
     return absl::OkStatus();
   }
 
@@ -920,7 +1013,9 @@ class CudaBackend final : public ComputeBackend {
     view.frame.jointed = view.jointed.data();
     view.frame.joints = reinterpret_cast<const float*>(view.joints.data());
     view.frame.splats = view.splats.data();
-    view.frame.splat_count = has_forms ? static_cast<std::uint32_t>(view.seen.splats) : 0;
+    view.frame.splat_count = static_cast<std::uint32_t>(view.seen.far_points + view.seen.splats);
+    view.frame.shadows = view.far_shadows.data();
+    view.frame.shadow_count = view.seen.far_agents;
     const SpeckStore* store = view.speck_store.get();
     view.frame.specks = view.specks.data();
     view.frame.speck_count = store == nullptr ? 0 : view.seen.specks;
@@ -974,7 +1069,8 @@ class CudaBackend final : public ComputeBackend {
     const std::size_t posed = view.fused ? view.posed_used : 0;
     const std::size_t forms = view.has_forms ? visible : 0;
     const std::size_t joints = view.has_forms ? view.seen.joints : 0;
-    const std::size_t splats = view.has_forms ? view.seen.splats : 0;
+    const std::size_t splats = view.seen.far_points + view.seen.splats;
+    const std::size_t shadows = view.seen.far_agents;
     const std::size_t specks = view.speck_store != nullptr ? view.seen.specks : 0;
     std::size_t size_bytes = 0;
     const auto place = [&](std::size_t bytes) {
@@ -994,6 +1090,7 @@ class CudaBackend final : public ComputeBackend {
     const std::size_t joints_at = place(joints * sizeof(element::JointMatrix));
     const std::size_t splats_at = place(splats * sizeof(Splat));
     const std::size_t specks_at = place(specks * sizeof(Speck));
+    const std::size_t shadows_at = place(shadows * sizeof(Speck));
     THRONG_CUDA_TRY(view.read_back.resize(size_bytes), "generate");
     auto* base = static_cast<std::byte*>(view.read_back.data());
     const auto fetch = [&](std::size_t at, const void* from, std::size_t bytes) {
@@ -1023,6 +1120,8 @@ class CudaBackend final : public ComputeBackend {
                     "generate");
     THRONG_CUDA_TRY(fetch(splats_at, view.splats.data(), splats * sizeof(Splat)), "generate");
     THRONG_CUDA_TRY(fetch(specks_at, view.specks.data(), specks * sizeof(Speck)), "generate");
+    THRONG_CUDA_TRY(fetch(shadows_at, view.far_shadows.data(), shadows * sizeof(Speck)),
+                    "generate");
     THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), "generate");
     view.geometry = FrameGeometry();
     view.geometry.instances = {reinterpret_cast<const VisibleInstance*>(base + instance_at),
@@ -1040,6 +1139,7 @@ class CudaBackend final : public ComputeBackend {
     view.geometry.joints = {reinterpret_cast<const float*>(base + joints_at), 16 * joints};
     view.geometry.splats = {reinterpret_cast<const Splat*>(base + splats_at), splats};
     view.geometry.specks = {reinterpret_cast<const Speck*>(base + specks_at), specks};
+    view.geometry.shadows = {reinterpret_cast<const Speck*>(base + shadows_at), shadows};
     view.speck_run[0] = {0, static_cast<std::uint32_t>(specks)};
     if (specks > 0) view.geometry.speck_runs = view.speck_run;
     view.geometry.speck_detail = view.speck_detail;
@@ -1053,6 +1153,7 @@ class CudaBackend final : public ComputeBackend {
   std::shared_ptr<const CudaCast> cast_;
   std::shared_ptr<const DeviceRoster> roster_;
   std::shared_ptr<const SpeckStore> specks_;  // of the cast that was last asked for
+  FarStore far_store_;
   std::array<Staging, 3> staging_;
   std::size_t next_staging_ = 0;
 };

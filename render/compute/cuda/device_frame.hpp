@@ -32,6 +32,8 @@ struct DeviceFrame final : DeviceGeometry {
   const float* joints = nullptr;
   const Splat* splats = nullptr;
   std::uint32_t splat_count = 0;
+  const Speck* shadows = nullptr;  // as FrameGeometry's
+  std::uint32_t shadow_count = 0;
   const Speck* specks = nullptr;
   std::uint32_t speck_count = 0;
   float speck_detail = 1.0F;                // as FrameGeometry's

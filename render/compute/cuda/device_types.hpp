@@ -4,6 +4,7 @@
 #include <glm/glm.hpp>
 
 #include "render/compute/element/advance.hpp"
+#include "render/compute/element/far_point.hpp"
 #include "render/compute/element/forms.hpp"
 #include "render/compute/element/frustum.hpp"
 #include "render/compute/element/gait.hpp"
@@ -97,6 +98,8 @@ struct DeviceCounters {
   std::uint32_t palettes = 0;                     // joints to be posed, by how many figures
   std::uint64_t joints = 0, splats = 0;
   std::uint32_t pointed = 0;  // agents drawn as points
+  // of the far crowd
+  std::uint32_t far_agents = 0, far_points = 0;
 };
 
 struct AdvanceJob {
@@ -229,6 +232,38 @@ struct FormsJob {
   Splat* splats = nullptr;
   DeviceCounters* counters = nullptr;       // [1]
   std::uint32_t to_pose = 0, to_point = 0;  // how many there are in the two lists
+};
+
+/// Where an agent of the far crowd is and which points are its own.
+struct FarPlaced {
+  element::FarFigure figure;
+  std::uint32_t first_point;  // of a figure's
+};
+
+/// The far crowd's points (FarPoints): S shares, A agents.
+struct FarJob {
+  DeviceCast cast;
+  element::Bracketed moment;
+  const element::InstanceState* state = nullptr;  // by slot
+  glm::dvec3 eye_offset_m{0.0};
+  float least_m = 0.0F;
+  std::uint32_t shares = 0;           // S; 0: nobody is far
+  const FarShare* share = nullptr;    // [S]
+  const std::uint64_t* id = nullptr;  // [A] of who was triangulated; null: slots are theirs still
+  const float* height_m = nullptr;    // [A]
+  const std::uint32_t* colors = nullptr;   // [4 A]
+  const std::uint16_t* member = nullptr;   // [A]
+  const FarFigurePoint* figure = nullptr;  // null: all have the cloud
+  const std::uint32_t* block = nullptr;
+  const glm::vec3 *cloud_position = nullptr, *cloud_normal = nullptr;
+  const std::uint8_t* cloud_region = nullptr;
+  FarPlaced* place = nullptr;      // [S]
+  std::uint32_t* first = nullptr;  // [S+1] points of each that is there, then their prefix sum
+  std::uint32_t* order = nullptr;  // [S+1] 1 of each that is there, then its place among them
+  std::uint32_t agents = 0, points = 0;  // that are there, once that is known
+  Splat* splats = nullptr;               // [points]
+  Speck* shadows = nullptr;              // [agents]
+  DeviceCounters* counters = nullptr;    // [1]
 };
 
 struct GenerateJob {

@@ -43,6 +43,14 @@ cudaError_t launch_want_forms(const FormsJob& job, void* scratch, std::size_t sc
 /// Joints and points themselves.
 cudaError_t launch_make_forms(const FormsJob& job, cudaStream_t stream);
 
+/// Where the far crowd's agents are, who of them is drawn, and how many points they have.
+/// `counters` then tells the host.
+cudaError_t launch_place_far(const FarJob& job, void* scratch, std::size_t scratch_bytes,
+                             cudaStream_t stream);
+
+/// Their points and shadows.
+cudaError_t launch_make_far(const FarJob& job, cudaStream_t stream);
+
 /// Exclusive prefix sums of vertex and triangle counts [V+1] and their totals.
 cudaError_t launch_allocate(const AllocateJob& job, void* scratch, std::size_t scratch_bytes,
                             cudaStream_t stream);

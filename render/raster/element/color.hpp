@@ -40,6 +40,14 @@ THRONG_HOST_DEVICE inline std::uint32_t pack_color(const glm::vec3& linear) {
          static_cast<std::uint32_t>(root.b) << 20;
 }
 
+/// The colour of pack_color.
+THRONG_HOST_DEVICE inline glm::vec3 unpack_color(std::uint32_t bits) {
+  const float r = static_cast<float>(bits & 1023U) * (1.0F / 1023.0F);
+  const float g = static_cast<float>((bits >> 10) & 1023U) * (1.0F / 1023.0F);
+  const float b = static_cast<float>((bits >> 20) & 1023U) * (1.0F / 1023.0F);
+  return {r * r, g * g, b * b};
+}
+
 /// A tint in [0, 2], stored as the colour of its half.
 THRONG_HOST_DEVICE inline std::uint32_t pack_tint(const glm::vec3& tint) {
   return pack_color(tint * 0.5F);

@@ -341,6 +341,12 @@ absl::Status VisibilityRasterizer::check(const FrameGeometry& geometry,
                                                      geometry.specks.size(), " and have a table"));
     }
   }
+  for (const Speck& shadow : geometry.shadows) {
+    if (shadow.image != 0) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("visibility draw: a shadow has image ", shadow.image, ", must be 0"));
+    }
+  }
   const std::size_t count = geometry.instances.size();
   if (count == 0) return absl::OkStatus();
   if (cast_ == nullptr) {

@@ -5,6 +5,10 @@
 #include "simplify/impostor/relief.hpp"
 #include "simplify/points/points.hpp"
 #include "support/tiny_character.hpp"
+#include "throng/render/far_crowd.hpp"
+#if THRONG_CUDA_ON_HOST
+#include <cuda_runtime_api.h>
+#endif
 
 namespace throng::render {
 namespace {
@@ -266,6 +270,127 @@ TEST_F(CudaFormsTest, SplatsOfNobodyStandBesideMeshesAndAlone) {
   }
 }
 
+struct FarCase {
+  const char* name;
+  FormRule form;  // of who is near
+  bool published;
+  std::int64_t time_us;
+};
+
+/// A far crowd whose points CUDA makes of the processor's shares.
+class CudaFarCrowdTest : public testing::TestWithParam<FarCase> {
+ protected:
+  void SetUp() override { THRONG_SKIP_WITHOUT_CUDA(); }
+};
+
+TEST_P(CudaFarCrowdTest, HasTheProcessorsPoints) {
+  const Scene scene{
+      .agents = 700,
+      .side_m = 70.0,
+      .camera = {.eye_world = {0, -40, 9}, .target_world = {0, 0, 0}, .fov_y_rad = 0.9},
+      .viewport = {131, 98},
+      .time_us = GetParam().time_us,
+      .form = GetParam().form};
+  const auto cast = cast_with_forms();
+  const auto crowd = crowd_of(scene, cast);
+  auto far = FarCrowd::make(cast, 1);
+  ASSERT_TRUE(far.ok()) << far.status();
+  const FarSettings settings{
+      .enabled = true, .points = 4'000, .published = GetParam().published, .wait = true};
+  Renderer cpu = Renderer::on_processor(), cuda = Renderer::on_cuda();
+  ASSERT_TRUE(cpu.upload(cast).ok());
+  ASSERT_TRUE(cuda.upload(cast).ok());
+  // twice: what was copied the first time is there, but for the shares from another place
+  for (const double aside_m : {0.0, 3.0}) {
+    Scene own = scene;
+    own.camera.eye_world.x += aside_m;
+    FarView view = make_far_view(own.camera, own.viewport, glm::dvec3(0.0));
+    view.least_m = 35.0F;
+    cpu.view->far_m = cuda.view->far_m = view.least_m;
+    std::vector<Splat> splats;
+    std::vector<Speck> shadows;
+    FarCounters counters, planned;
+    absl::Status status =
+        (*far)->generate(*crowd, own.time_us, view, settings, splats, shadows, counters);
+    ASSERT_TRUE(status.ok()) << status;
+    ASSERT_GT(counters.drawn, 50U);
+    const auto points = (*far)->plan(*crowd, own.time_us, view, settings, planned);
+    ASSERT_TRUE(points.ok()) << points.status();
+    EXPECT_EQ(planned.visible, counters.visible);
+    ASSERT_GT((*points)->shares.size(), counters.drawn);  // some have gone, or are too near
+    cuda.view->far = *points;
+
+    ASSERT_TRUE(generate(cpu, own, *crowd, {}).ok());
+    FrameGeometry geometry = cpu.backend->geometry(*cpu.view);
+    std::vector<Splat> all = splats;
+    all.insert(all.end(), geometry.splats.begin(), geometry.splats.end());
+    geometry.splats = all;
+    geometry.shadows = shadows;
+    Picture expected, actual;
+    ASSERT_TRUE(draw(cpu, geometry, own, expected).ok());
+
+    cuda.on_device = true;
+    status = generate(cuda, own, *crowd, {});
+    ASSERT_TRUE(status.ok()) << status;
+    EXPECT_EQ(cuda.backend->counters(*cuda.view).far_agents, counters.drawn);
+    EXPECT_EQ(cuda.backend->counters(*cuda.view).far_points, splats.size());
+    const FrameGeometry there = cuda.backend->geometry(*cuda.view);
+    ASSERT_NE(there.on_device, nullptr);
+    status = draw(cuda, there, own, actual);
+    ASSERT_TRUE(status.ok()) << status;
+    expect_same_picture(expected, actual);
+
+    cuda.on_device = false;
+    ASSERT_TRUE(generate(cuda, own, *crowd, {}).ok());
+    const FrameGeometry read = cuda.backend->geometry(*cuda.view);
+    expect_same_bytes<Splat>(all, read.splats, "splats");
+    expect_same_bytes<Speck>(shadows, read.shadows, "shadows");
+  }
+  // nobody is far in the next frame
+  cuda.view->far = nullptr;
+  cuda.view->far_m = 0.0F;
+  ASSERT_TRUE(generate(cuda, scene, *crowd, {}).ok());
+  EXPECT_EQ(cuda.backend->counters(*cuda.view).far_points, 0U);
+  EXPECT_TRUE(cuda.backend->geometry(*cuda.view).shadows.empty());
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Larkin, CudaFarCrowdTest,
+    testing::Values(FarCase{"FiguresBesideMeshes", FormRule::kMesh, false, 50'000},
+                    FarCase{"FiguresBesidePoints", FormRule::kPoints, false, 50'000},
+                    FarCase{"CloudBesideMeshes", FormRule::kMesh, true, 50'000},
+                    // the slots of who was triangulated are others' by now
+                    FarCase{"AfterTheRosterChanged", FormRule::kMesh, false, 100'000}),
+    [](const auto& param) { return std::string(param.param.name); });
+
+TEST_F(CudaFormsTest, FarCrowdThatDoesNotFitIsAnError) {
+#if THRONG_CUDA_ON_HOST
+  const Scene scene{.agents = 200, .side_m = 40.0};
+  const auto cast = cast_with_forms();
+  const auto crowd = crowd_of(scene, cast);
+  auto far = FarCrowd::make(cast, 1);
+  ASSERT_TRUE(far.ok());
+  FarCounters counters;
+  const FarView view = make_far_view(scene.camera, scene.viewport, glm::dvec3(0.0));
+  const auto points =
+      (*far)->plan(*crowd, scene.time_us, view, {.enabled = true, .points = 2'000}, counters);
+  ASSERT_TRUE(points.ok());
+  Renderer cuda = Renderer::on_cuda();
+  ASSERT_TRUE(cuda.upload(cast).ok());
+  ASSERT_TRUE(generate(cuda, scene, *crowd, {}).ok());
+  cuda.view->far = *points;
+  test::cuda_on_host::faults.most_bytes = (*points)->figure.size_bytes() - 1;
+  const absl::Status status = generate(cuda, scene, *crowd, {});
+  test::cuda_on_host::faults = {};
+  EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_NE(status.message().find("the far crowd"), std::string::npos) << status;
+  EXPECT_TRUE(generate(cuda, scene, *crowd, {}).ok());
+  EXPECT_GT(cuda.backend->counters(*cuda.view).far_points, 0U);
+#else
+  GTEST_SKIP() << "needs a device whose memory can be said to be used up";
+#endif
+}
+
 TEST_F(CudaFormsTest, RefusesWhatIsNotWhole) {
   const Scene scene{.agents = 20, .form = FormRule::kImpostor};
   const auto cast = cast_with_forms();
@@ -282,6 +407,12 @@ TEST_F(CudaFormsTest, RefusesWhatIsNotWhole) {
   geometry = whole;
   geometry.jointed = {};
   EXPECT_EQ(draw(cuda, geometry, scene, picture).code(), absl::StatusCode::kInvalidArgument);
+  const Speck shadow{glm::vec3(0, 5, -1), 1.8F, 1, 0, 0.0F, 0};  // of a picture
+  geometry = {};
+  geometry.shadows = {&shadow, 1};
+  for (Renderer* renderer : {&cpu, &cuda}) {
+    EXPECT_EQ(draw(*renderer, geometry, scene, picture).code(), absl::StatusCode::kInvalidArgument);
+  }
 }
 
 }  // namespace

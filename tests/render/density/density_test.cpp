@@ -8,6 +8,7 @@
 #include <random>
 
 #include "render/compute/cpu/work_pool.hpp"
+#include "render/compute/element/far_point.hpp"
 #include "simplify/points/points.hpp"
 #include "support/tiny_character.hpp"
 
@@ -232,17 +233,17 @@ TEST(FarFiguresTest, AreMadeOfThoseWhoOccur) {
 TEST(FarFiguresTest, ThereAreNoMoreThanTheirLimit) {
   Cast cast;
   const auto two = cast_with_points();
-  for (std::uint32_t m = 0; m < FarFigures::kMostMembers + 2; ++m)
-    cast.members.push_back(two->members[1]);
+  for (int m = 0; m < 4; ++m) cast.members.push_back(two->members[1]);
   FarFigures figures = *begin_far_figures(cast);
-  // as if so many had come: their making is slow
   const std::size_t one = figures.points.size();
-  figures.points.resize((1 + FarFigures::kMostMembers) * one);
-  const std::uint16_t late[] = {3};
-  add_far_figures(cast, late, figures);
-  EXPECT_EQ(figures.points.size(), (1 + FarFigures::kMostMembers) * one);
-  EXPECT_NE(figures.block[3], FarFigures::kNobody);
-  EXPECT_LE(figures.block[3], FarFigures::kMostMembers);
+  const std::uint16_t all[] = {0, 1, 2, 3};
+  constexpr std::uint32_t kMost = 2;
+  add_far_figures(cast, all, figures, kMost);
+  EXPECT_EQ(figures.points.size(), (1 + kMost) * one);
+  for (const std::uint16_t late : {2, 3}) {
+    EXPECT_NE(figures.block[late], FarFigures::kNobody);
+    EXPECT_LE(figures.block[late], kMost);
+  }
 }
 
 TEST(CrowdCloudTest, CastWithoutPointsIsRefused) {
@@ -485,6 +486,17 @@ TEST(TriangulationWorkerTest, GivesTheNewestOfWhatWasAskedFor) {
   worker.wait();
   ASSERT_NE(worker.newest(), nullptr);
   EXPECT_EQ(worker.newest()->vertex_count(), 25U);
+}
+
+TEST(FarFiguresTest, LevelsBeginWhereTheOnesBeforeEnd) {
+  EXPECT_EQ(element::kFarPointsOfPose, FarFigures::kPointsOfAll);
+  EXPECT_EQ(element::kFarPoses, FarFigures::kPoses);
+  for (std::uint32_t points = 1; points < 600; ++points) {
+    std::uint32_t begin = 0;
+    for (std::uint32_t k = 0; k < FarFigures::level_of(points); ++k)
+      begin += FarFigures::kCounts[k];
+    EXPECT_EQ(element::far_level_begin(points), begin) << points;
+  }
 }
 
 }  // namespace

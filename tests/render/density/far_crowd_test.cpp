@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+
 #include "simplify/points/points.hpp"
 #include "support/tiny_character.hpp"
 #include "throng/render/frame.hpp"
@@ -117,6 +119,34 @@ TEST(FarCrowdTest, APictureDependsOnItsMomentAlone) {
   view.far.wait = false;
   ASSERT_TRUE((*pipeline)->render(*crowd, 700'000, view, picture, stats).ok());
   EXPECT_GT(stats.counters.drawn_as[3], 50U);
+}
+
+TEST(FarCrowdTest, SharesAreKeptWhileTheViewAndThePeopleAreTheSame) {
+  const auto cast = cast_with_points();
+  const auto crowd = walkers(cast, 400);
+  auto far = FarCrowd::make(cast, 1);
+  ASSERT_TRUE(far.ok());
+  const FarSettings settings{.enabled = true, .points = 2'000};
+  Camera camera{.eye_world = {0, -40, 6}, .target_world = {0, 10, 0}};
+  const auto versions = [&](std::int64_t time_us, const FarSettings& own) {
+    FarCounters counters;
+    const FarView view = make_far_view(camera, {317, 203}, glm::dvec3(0.0));
+    const FarPoints& points = **(*far)->plan(*crowd, time_us, view, own, counters);
+    EXPECT_FALSE(points.shares.empty());
+    return std::array{points.shares_version, points.shape_version, points.agents_version};
+  };
+  const auto first = versions(100'000, settings);
+  EXPECT_EQ(versions(400'000, settings), first);  // they walk, their shares stay
+  camera.eye_world.x += 1.0;
+  const auto moved = versions(400'000, settings);
+  EXPECT_NE(moved[0], first[0]);
+  EXPECT_EQ(moved[1], first[1]);
+  EXPECT_EQ(moved[2], first[2]);
+  FarSettings published = settings;
+  published.published = true;
+  const auto cloud = versions(400'000, published);
+  EXPECT_NE(cloud[1], first[1]);
+  EXPECT_NE(cloud[2], first[2]);
 }
 
 TEST(FarCrowdTest, OpenGlDrawsItToo) {

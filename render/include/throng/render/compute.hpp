@@ -17,7 +17,8 @@
 
 namespace throng::render {
 
-class WorkPool;  // render/compute/cpu/work_pool.hpp
+class WorkPool;    // render/compute/cpu/work_pool.hpp
+struct FarPoints;  // far_points.hpp
 
 enum class BackendKind { kCpu, kCuda };
 enum class LodRule { kBudget, kDong2019 };
@@ -59,6 +60,9 @@ struct ViewWork {
   // agents whose feet are farther from the eye are culled, as the far crowd is drawn otherwise; 0:
   // nobody is
   float far_m = 0.0F;
+  // who these are, for a backend that makes their points (makes_far_points): read from `allocate`
+  // to `generate`, which put the points before all others; null: nobody
+  const FarPoints* far = nullptr;
 };
 
 /// LOD selection by equation 1 of Dong & Peng 2019 with w_i = A_i / D_i, alpha = 3.
@@ -141,6 +145,8 @@ struct ComputeCounters {
   FrameWork work{};                // where MixedForms::budget_ms was asked for: an estimate
   float error_px = 0.0F;           // and what was chosen for it
   float farthest_m = 0.0F;         // visible agent that is no speck
+  std::uint32_t far_agents = 0;    // of ViewWork::far, in none of the numbers above
+  std::uint64_t far_points = 0;    // and their points
   std::uint64_t view_bytes = 0;    // memory of the view
   std::uint64_t posed_bytes = 0;   // of posed meshes, shared by all views
   DeviceTimes device;
@@ -175,6 +181,9 @@ class ComputeBackend {
       const CrowdSettings& settings, int channel, Surroundings surroundings) = 0;
 
   virtual absl::StatusOr<std::unique_ptr<ViewWork>> make_view() = 0;
+
+  /// True where the backend takes ViewWork::far.
+  virtual bool makes_far_points() const { return false; }
 
   /// View frustum culling: keeps each instance whose sphere touches all half-spaces (planes are
   /// row sums of the matrix, Gribb & Hartmann 2001). May keep one too many, never one too few.

@@ -17,6 +17,7 @@
 #include "throng/render/asset.hpp"
 #include "throng/render/camera.hpp"
 #include "throng/render/crowd.hpp"
+#include "throng/render/far_points.hpp"
 #include "throng/render/vertex.hpp"
 
 // Density based level of detail (Larkin, Paris, Dobbyn & O'Sullivan, "Every Last Detail"): a crowd
@@ -92,15 +93,7 @@ struct FarFigures {
   static constexpr std::uint32_t kPhases = 8;                        // of a walk
   static constexpr std::uint32_t kPoses = 1 + kPhases;               // the first one stands
 
-  /// Of a figure a metre high, feet at the origin, facing +X. 40 bytes.
-  struct Point {
-    glm::vec3 position;
-    float radius;           // upright; negative: without a side, as it goes round the figure
-    glm::vec3 normal;       // mean: the shorter, the more it goes round
-    float squeeze;          // of what has no side: level extent by the upright one
-    std::uint32_t base;     // colour before tints, as Splat::base
-    std::uint32_t regions;  // tint mask, 8 bits each
-  };
+  using Point = FarFigurePoint;
 
   static constexpr std::uint32_t kNobody = 0;
   static constexpr std::uint32_t kMostMembers = 256;  // 165 MB
@@ -121,10 +114,11 @@ absl::StatusOr<FarFigures> make_far_figures(const Cast& cast);
 absl::StatusOr<FarFigures> begin_far_figures(const Cast& cast);
 
 /// Makes the figures of those members that occur and are not made yet: 643 KB and a few tens of
-/// milliseconds each. Beyond kMostMembers who comes takes the figure of one that is there, in his
+/// milliseconds each. Beyond `most_members` who comes takes the figure of one that is there, in his
 /// own height and colours.
 /// @param members  of the cast, any number of times
-void add_far_figures(const Cast& cast, std::span<const std::uint16_t> members, FarFigures& figures);
+void add_far_figures(const Cast& cast, std::span<const std::uint16_t> members, FarFigures& figures,
+                     std::uint32_t most_members = FarFigures::kMostMembers);
 
 /// What is known of the agents once they are there: size, and the colours that they wear. [A]
 struct FarAgents {
@@ -151,16 +145,10 @@ struct FarView {
   float px_per_tangent = 1.0F;  // pixels of a metre at a metre
   float least_m = 0.0F;         // who is nearer to the eye is drawn as something else
   float walked_m = 2.0F;        // how far agents may be from where they were triangulated
+  bool operator==(const FarView&) const = default;
 };
 FarView make_far_view(const Camera& camera, const Viewport& viewport,
                       const glm::dvec3& origin_world);
-
-/// An agent and how many points of the cloud it gets.
-struct FarShare {
-  std::uint32_t agent;
-  std::uint32_t points;
-  float radius;  // of its points: what theirs is multiplied with
-};
 
 /// Shares a fixed budget of points among the crowd in view.
 ///

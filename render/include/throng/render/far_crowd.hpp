@@ -39,8 +39,20 @@ class FarCrowd {
                         const FarSettings& settings, std::vector<Splat>& splats,
                         std::vector<Speck>& shadows, FarCounters& counters);
 
+  /// The same up to who gets how many points, for a backend that makes them (ViewWork::far). Valid
+  /// until the next call; without shares where nobody is far. counters.drawn is not known yet.
+  absl::StatusOr<const FarPoints*> plan(const Crowd& crowd, std::int64_t scene_time_us,
+                                        FarView view, const FarSettings& settings,
+                                        FarCounters& counters);
+
  private:
   struct Entry;  // of one crowd
+  /// Makes plan_ for what comes first in entries_, unless it is there. Null: nobody ever came.
+  absl::StatusOr<std::shared_ptr<const Triangulation>> make_plan(const Crowd& crowd,
+                                                                 const Bracket& bracket,
+                                                                 std::int64_t scene_time_us,
+                                                                 FarView& view,
+                                                                 const FarSettings& settings);
   FarCrowd(std::shared_ptr<const Cast> cast, CrowdCloud cloud, FarFigures figures,
            unsigned threads);
   std::shared_ptr<const Triangulation> triangulation_of(Entry& entry, const Crowd& crowd,
@@ -53,6 +65,17 @@ class FarCrowd {
   std::unique_ptr<WorkPool> pool_;
   std::vector<std::unique_ptr<Entry>> entries_;  // newest use first
   FarPlan plan_;
+  // what the plan is for: the same triangulation is of the same crowd
+  struct Planned {
+    std::shared_ptr<const Triangulation> triangulation;
+    FarView view;
+    std::uint64_t points = 0;
+    bool published = false;
+    bool operator==(const Planned&) const = default;
+  };
+  Planned planned_;
+  std::uint64_t plan_version_ = 0, shape_version_ = 0, cloud_version_;
+  FarPoints points_;
   std::vector<FarPlace> places_;
 };
 

@@ -238,7 +238,7 @@ class CudaRasterizer final : public Rasterizer {
   absl::Status take_geometry(const FrameGeometry& geometry, RasterJob& job);
   absl::Status take_splats(std::span<const Splat> splats, RasterJob& job);
   absl::Status take_specks(const FrameGeometry& geometry, RasterJob& job);
-  absl::Status take_shadows(std::span<const Speck> shadows, RasterJob& job);
+  absl::Status take_shadows(const FrameGeometry& geometry, RasterJob& job);
   absl::Status place_specks(RasterJob& job);
   absl::Status make_room(RasterJob& job, std::uint32_t most_blocks);
   absl::Status run(const RasterJob& job, std::uint32_t most_blocks, cudaStream_t stream,
@@ -254,7 +254,6 @@ class CudaRasterizer final : public Rasterizer {
   std::string device_name_;
   std::shared_ptr<const Cast> cast_;
   std::shared_ptr<const CastTable> speck_cast_;  // whose pictures the processor handed over last
-  std::vector<Speck> shadows_;
   std::unique_ptr<Buffers> buffers_;
   RasterCast device_cast_;
   RasterCounters counters_;
@@ -383,6 +382,12 @@ absl::Status CudaRasterizer::check(const FrameGeometry& geometry, const Viewport
                                                      geometry.specks.size(), " and have a table"));
     }
   }
+  for (const Speck& shadow : geometry.shadows) {
+    if (shadow.image != 0) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(kDraw, ": a shadow has image ", shadow.image, ", must be 0"));
+    }
+  }
   if (geometry.on_device != nullptr) return absl::OkStatus();
   const std::size_t count = geometry.instances.size();
   if (count == 0) return absl::OkStatus();
@@ -478,26 +483,29 @@ absl::Status CudaRasterizer::take_specks(const FrameGeometry& geometry, RasterJo
   return absl::OkStatus();
 }
 
-/// Shadows of who is drawn by splats of nobody, behind the specks.
-absl::Status CudaRasterizer::take_shadows(std::span<const Speck> shadows, RasterJob& job) {
-  if (shadows.empty() || !job.scene.shadows) return absl::OkStatus();
-  const std::size_t count = shadows.size() + job.speck_count;
+/// Shadows of who is drawn by splats of nobody, behind the specks: the host's, then the device's.
+absl::Status CudaRasterizer::take_shadows(const FrameGeometry& geometry, RasterJob& job) {
+  job.first_shadow = job.speck_count;
+  if (!job.scene.shadows) return absl::OkStatus();
+  const auto* frame = dynamic_cast<const DeviceFrame*>(geometry.on_device);
+  const std::size_t here = geometry.shadows.size();
+  const std::size_t there = frame == nullptr ? 0 : frame->shadow_count;
+  if (here + there == 0) return absl::OkStatus();
+  const std::size_t count = job.speck_count + here + there;
   if (count >= RasterJob::kOnlyShadow) {
     return absl::ResourceExhaustedError(absl::StrCat(kDraw, ": ", count, " specks and shadows"));
   }
-  shadows_.assign(shadows.begin(), shadows.end());
-  for (Speck& shadow : shadows_) shadow.image = RasterJob::kOnlyShadow;
   DeviceBuffer<Speck>& all = buffers_->specks_and_shadows;
   THRONG_CUDA_TRY(all.resize(count), kDraw);
-  if (job.speck_count > 0) {
-    THRONG_CUDA_TRY(cudaMemcpyAsync(all.data(), job.specks, job.speck_count * sizeof(Speck),
-                                    cudaMemcpyDeviceToDevice, stream_),
-                    kDraw);
-  }
+  Speck* to = all.data();
+  const auto add = [&](const Speck* from, std::size_t more, cudaMemcpyKind kind) {
+    Speck* at = std::exchange(to, to + more);
+    return more == 0 ? cudaSuccess : cudaMemcpyAsync(at, from, more * sizeof(Speck), kind, stream_);
+  };
+  THRONG_CUDA_TRY(add(job.specks, job.speck_count, cudaMemcpyDeviceToDevice), kDraw);
   // pageable: the copy is taken before the call returns
-  THRONG_CUDA_TRY(cudaMemcpyAsync(all.data() + job.speck_count, shadows_.data(),
-                                  shadows_.size() * sizeof(Speck), cudaMemcpyHostToDevice, stream_),
-                  kDraw);
+  THRONG_CUDA_TRY(add(geometry.shadows.data(), here, cudaMemcpyHostToDevice), kDraw);
+  if (there > 0) THRONG_CUDA_TRY(add(frame->shadows, there, cudaMemcpyDeviceToDevice), kDraw);
   job.specks = all.data();
   job.speck_count = static_cast<std::uint32_t>(count);
   return absl::OkStatus();
@@ -766,7 +774,7 @@ absl::Status CudaRasterizer::draw(const FrameGeometry& geometry, const Camera& c
   job.camera_up = glm::transpose(job.view_from_relative)[1];
   if (absl::Status status = take_geometry(geometry, job); !status.ok()) return status;
   if (absl::Status status = take_splats(geometry.splats, job); !status.ok()) return status;
-  if (absl::Status status = take_shadows(geometry.shadows, job); !status.ok()) return status;
+  if (absl::Status status = take_shadows(geometry, job); !status.ok()) return status;
   if (absl::Status status = place_specks(job); !status.ok()) return status;
   // of batched geometry made by hand, instances may not say what is theirs
   const std::uint64_t triangles = std::max<std::uint64_t>(job.triangles_drawn, job.triangles_total);

@@ -148,7 +148,8 @@ struct RasterJob {
   const Speck* specks = nullptr;  // [S]
   std::uint32_t speck_count = 0;
   float speck_detail = 1.0F;  // as FrameGeometry's
-  // image of who throws a shadow and is drawn otherwise
+  // who throws a shadow and is drawn otherwise: specks from here on, which get this image
+  std::uint32_t first_shadow = 0;
   static constexpr std::uint32_t kOnlyShadow = 0xffffffffU;
   const SpeckImage* speck_image = nullptr;
   const SpeckSlab* speck_slab = nullptr;  // [SpeckLevels::kSlabs] of each image

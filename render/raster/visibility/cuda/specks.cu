@@ -49,7 +49,8 @@ __global__ void place_kernel(RasterJob job) {
   if (i > job.speck_count) return;
   std::uint32_t tiles = 0;
   if (i < job.speck_count) {
-    const element::PlacedSpeck placed = element::place_speck(job.specks[i], job.grid, job.scene);
+    element::PlacedSpeck placed = element::place_speck(job.specks[i], job.grid, job.scene);
+    if (i >= job.first_shadow) placed.image = RasterJob::kOnlyShadow;
     job.placed_specks[i] = placed;
     const std::uint32_t order = order_of(placed);
     for_tiles(job, placed, [&](std::uint32_t tile) {

@@ -160,14 +160,6 @@ THRONG_HOST_DEVICE inline glm::vec4 bilinear(const std::uint32_t* texels, const 
   return {mix(0), mix(8), mix(16), mix(24)};
 }
 
-/// The colour of pack_color.
-THRONG_HOST_DEVICE inline glm::vec3 unpack_color(std::uint32_t bits) {
-  const float r = static_cast<float>(bits & 1023U) * (1.0F / 1023.0F);
-  const float g = static_cast<float>((bits >> 10) & 1023U) * (1.0F / 1023.0F);
-  const float b = static_cast<float>((bits >> 20) & 1023U) * (1.0F / 1023.0F);
-  return {r * r, g * g, b * b};
-}
-
 /// What pack_corner_tone packed.
 struct Tone {
   glm::vec3 color;    // linear
