@@ -328,8 +328,12 @@ int main(int argc, char** argv) {
   if (compute == "auto" && !options.far.enabled) {
     std::string why;
     pipeline.backend = throng::render::best_backend(why);
-    spdlog::info("event=compute chosen={} why=\"{}\"",
-                 pipeline.backend == throng::render::BackendKind::kCuda ? "cuda" : "cpu", why);
+    if (pipeline.backend == throng::render::BackendKind::kCuda) {
+      spdlog::info("event=compute chosen=cuda why=\"{}\"", why);
+    } else {
+      spdlog::info("event=compute chosen=cpu why=\"no CUDA device: drawing on the processor\"");
+      spdlog::debug("event=no_cuda why=\"{}\"", why);
+    }
   }
 
   // Before any thread is made, so that all of them inherit it and only the wait below sees signals.

@@ -83,6 +83,17 @@ export class OrbitCamera {
     this.distance = distance;
   }
 
+  /** Above the ground, what zooming goes to: faces where people are near, else the ground. */
+  zoomHeight() {
+    return 1.45 * Math.min(1, Math.max(0, (25 - this.distance) / 20));
+  }
+
+  /** Above an agent's feet, what a camera looks at that follows it, as the server has it: the
+   * middle, from near the face. */
+  followHeight() {
+    return 1 + (this.ortho ? 0 : 0.45 * Math.min(1, Math.max(0, (4 - this.distance) / 3)));
+  }
+
   /** @param {Point} by metres */
   move(by) {
     this.target = add(this.target, by);

@@ -111,8 +111,8 @@ export class Controls {
    * @param {{x: number, y: number}} at */
   zoomAt(camera, factor, at) {
     const {width, height} = this.host.placement();
-    const fixed = this.host.following() ? camera.target
-                                        : camera.groundAt(at.x, at.y, width, height, this.host.groundZ());
+    const z = this.host.groundZ() + camera.zoomHeight();
+    const fixed = this.host.following() ? camera.target : camera.groundAt(at.x, at.y, width, height, z);
     camera.zoom(factor, fixed);
   }
 

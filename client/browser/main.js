@@ -450,8 +450,8 @@ async function click(x, y) {
   const goal = heldCamera()?.copy();
   if (!goal) return;
   goal.target = pointOf(agent.position);
-  goal.target[2] += 1;
   goal.distance = Math.min(goal.distance, 12);
+  goal.target[2] += goal.followHeight();
   stopFollowing(true);
   glide(goal, () => {
     state.follow = agent.id;

@@ -205,6 +205,15 @@ absl::StatusOr<CameraScript> CameraScript::parse(const std::string& text) {
   return script;
 }
 
+void number_cameras(std::span<CameraScript> cameras) {
+  const auto is_plain = [](const CameraScript& camera) { return camera.name_ == "camera"; };
+  if (std::count_if(cameras.begin(), cameras.end(), is_plain) < 2) return;
+  int number = 0;
+  for (CameraScript& camera : cameras) {
+    if (is_plain(camera)) camera.name_ = absl::StrCat("camera-", ++number);
+  }
+}
+
 absl::Status CameraScript::read(const std::string& file) {
   std::ifstream stream(file, std::ios::binary);
   if (!stream)

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -66,7 +67,8 @@ class CameraScript {
   /// NotFound; InvalidArgument with file, key, value and limit.
   static absl::StatusOr<CameraScript> parse(const std::string& text);
 
-  /// "overview", "top", "orbit", "follow-AGENT", "camera" or the file's name without its ending.
+  /// "overview", "top", "orbit", "follow-AGENT", "camera" or the file's name without its ending;
+  /// see number_cameras.
   const std::string& name() const { return name_; }
   bool is_overview() const { return std::holds_alternative<Overview>(path_); }
   const Follow* follow() const { return std::get_if<Follow>(&path_); }
@@ -77,11 +79,15 @@ class CameraScript {
   ScriptedCamera at(double time_s, const ScriptedSite& site) const;
 
  private:
+  friend void number_cameras(std::span<CameraScript> cameras);
   absl::Status read(const std::string& file);
 
   std::string name_;
   std::variant<Overview, Top, Keys, Orbit, Follow> path_;
 };
+
+/// Where several are called "camera" (eye and target), they become "camera-1", "camera-2" ...
+void number_cameras(std::span<CameraScript> cameras);
 
 /// "LOW:HIGH", two numbers that differ, as --channel-range has them. InvalidArgument.
 absl::StatusOr<std::pair<double, double>> parse_range(const std::string& text);

@@ -48,6 +48,14 @@ void OrbitCamera::zoom(double factor, const glm::dvec3& fixed_world) {
   distance_m = distance;
 }
 
+double OrbitCamera::zoom_height_m() const {
+  return 1.45 * std::clamp((25.0 - distance_m) / 20.0, 0.0, 1.0);
+}
+
+double OrbitCamera::follow_height_m() const {
+  return 1.0 + (ortho ? 0.0 : 0.45 * std::clamp((4.0 - distance_m) / 3.0, 0.0, 1.0));
+}
+
 void OrbitCamera::fit(const glm::dvec3& low_world, const glm::dvec3& high_world, double aspect) {
   const glm::dvec3 center = (low_world + high_world) * 0.5;
   const glm::dvec3 to_right = right(), to_top = up(), forward = -outward();

@@ -36,6 +36,11 @@ struct OrbitCamera {
   void orbit(double dx_rad, double dy_rad);
   /// Goes nearer to (factor under 1) or away from a point, which stays where it is on the screen.
   void zoom(double factor, const glm::dvec3& fixed_world);
+  /// Above the ground, what zooming goes to: faces where people are near, else the ground.
+  double zoom_height_m() const;
+  /// Above an agent's feet, what a camera looks at that follows it, as the server has it: the
+  /// middle, from near the face.
+  double follow_height_m() const;
   /// The camera that shows a box from here's direction.
   void fit(const glm::dvec3& low_world, const glm::dvec3& high_world, double aspect);
 

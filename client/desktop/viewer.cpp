@@ -375,9 +375,9 @@ void Viewer::zoom_at(double factor, const glm::dvec2& place_px) {
   if (camera == nullptr) return;
   glide_.reset();
   const Placement at = placement();
-  camera->zoom(factor, follow_ != 0
-                           ? camera->target_world
-                           : camera->ground_at(place_px - at.corner_px, at.size_px, ground_z_m()));
+  camera->zoom(factor, follow_ != 0 ? camera->target_world
+                                    : camera->ground_at(place_px - at.corner_px, at.size_px,
+                                                        ground_z_m() + camera->zoom_height_m()));
   camera_moved();
 }
 
@@ -402,8 +402,8 @@ void Viewer::click(const glm::dvec2& place_px) {
     OrbitCamera* const camera = held_camera();
     if (camera == nullptr) return;
     OrbitCamera goal = *camera;
-    goal.target_world = point_of(agent.position()) + glm::dvec3(0.0, 0.0, 1.0);
     goal.distance_m = std::min(goal.distance_m, kFollowWithinM);
+    goal.target_world = point_of(agent.position()) + glm::dvec3(0.0, 0.0, goal.follow_height_m());
     release_agent();
     card_ = agent;
     glide(goal, agent.id());

@@ -3,6 +3,7 @@
 #include <SDL.h>
 #include <absl/strings/str_cat.h>
 #include <backends/imgui_impl_sdl.h>
+#include <dlfcn.h>
 #include <imgui.h>
 
 #include <algorithm>
@@ -12,6 +13,7 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <string_view>
 
 #include "client/desktop/gui_renderer.hpp"
 #include "client/desktop/overlays.hpp"
@@ -122,14 +124,39 @@ class Window {
   std::string screenshot_path_;
 };
 
+/// Dots an inch as X tells them where SDL does not know: what the desktop set for text (Xft.dpi),
+/// else by the screen's millimetres. 0: not known. Loaded at run time, as SDL itself does it.
+double dots_per_inch_of_x() {
+  const std::unique_ptr<void, int (*)(void*)> library(dlopen("libX11.so.6", RTLD_LAZY), &dlclose);
+  if (library == nullptr) return 0.0;
+  const auto symbol = [&](const char* name) { return dlsym(library.get(), name); };
+  const auto open = reinterpret_cast<void* (*)(const char*)>(symbol("XOpenDisplay"));
+  const auto close = reinterpret_cast<int (*)(void*)>(symbol("XCloseDisplay"));
+  const auto resource =
+      reinterpret_cast<char* (*)(void*, const char*, const char*)>(symbol("XGetDefault"));
+  const auto width_px = reinterpret_cast<int (*)(void*, int)>(symbol("XDisplayWidth"));
+  const auto width_mm = reinterpret_cast<int (*)(void*, int)>(symbol("XDisplayWidthMM"));
+  if (!open || !close || !resource || !width_px || !width_mm) return 0.0;
+  void* const display = open(nullptr);
+  if (display == nullptr) return 0.0;
+  const char* const text = resource(display, "Xft", "dpi");
+  double dots = text != nullptr ? std::atof(text) : 0.0;
+  if (!(dots > 0.0)) dots = 25.4 * width_px(display, 0) / std::max(1, width_mm(display, 0));
+  close(display);
+  return dots;
+}
+
 /// How much larger things must be than on a screen of 96 dots an inch, in quarters.
 double scale_of_screen(SDL_Window* window) {
-  float dots_per_inch = 0.0F;
-  if (SDL_GetDisplayDPI(SDL_GetWindowDisplayIndex(window), nullptr, &dots_per_inch, nullptr) != 0) {
-    return 1.0;
+  float told = 0.0F;
+  double dots_per_inch = 0.0;
+  if (SDL_GetDisplayDPI(SDL_GetWindowDisplayIndex(window), nullptr, &told, nullptr) == 0) {
+    dots_per_inch = double{told};
+  } else if (const char* driver = SDL_GetCurrentVideoDriver();
+             driver != nullptr && std::string_view(driver) == "x11") {
+    dots_per_inch = dots_per_inch_of_x();
   }
-  return std::clamp(std::floor(static_cast<double>(dots_per_inch) / 96.0 * 4.0 + 0.5) / 4.0, 1.0,
-                    4.0);
+  return std::clamp(std::floor(dots_per_inch / 96.0 * 4.0 + 0.5) / 4.0, 1.0, 4.0);
 }
 
 absl::Status Window::open() {

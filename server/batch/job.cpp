@@ -284,6 +284,7 @@ absl::StatusOr<std::vector<Output>> make_outputs(const BatchJob& job, OutputKind
                      "out/{camera}/####.png or {camera}.mp4"));
   }
   std::vector<Output> outputs;
+  client::number_cameras(scripts);
   for (std::size_t i = 0; i < scripts.size(); ++i) {
     if (const auto* follow = scripts[i].follow(); follow && !span.ids.contains(follow->agent)) {
       return absl::NotFoundError(absl::StrCat(

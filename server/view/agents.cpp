@@ -15,7 +15,8 @@ namespace element = render::element;
 
 constexpr double kBodyHeightM = 1.75;
 constexpr double kBodyRadiusM = 0.25;
-constexpr double kLookAtHeightM = 1.0;  // what a camera that follows an agent looks at
+// What a camera that follows an agent looks at: its middle, from near its face.
+constexpr double kMiddleM = 1.0, kFaceM = 1.45, kNearM = 1.0, kFarM = 4.0;
 constexpr std::uint32_t kMostCells = 96;
 
 /// Calls `visit(slot, sample)` for each agent that is there, placed as `advance` places it.
@@ -135,8 +136,12 @@ std::optional<ShownAgent> find_agent(const AgentsAt& agents, std::uint64_t id) {
 }
 
 void follow(const glm::dvec3& position_world, render::Camera& camera) {
-  const glm::dvec3 shift =
-      position_world + glm::dvec3(0.0, 0.0, kLookAtHeightM) - camera.target_world;
+  double height_m = kMiddleM;
+  if (camera.ortho_height_m <= 0.0) {
+    const double away_m = glm::distance(camera.eye_world, camera.target_world);
+    height_m += (kFaceM - kMiddleM) * std::clamp((kFarM - away_m) / (kFarM - kNearM), 0.0, 1.0);
+  }
+  const glm::dvec3 shift = position_world + glm::dvec3(0.0, 0.0, height_m) - camera.target_world;
   camera.target_world += shift;
   camera.eye_world += shift;
 }

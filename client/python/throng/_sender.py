@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import socket
 import threading
 import time
 from collections import deque
@@ -221,14 +222,24 @@ class Sender:
                 self._run = next_run  # time went back
                 continue
             elif code is not None:
-                self._report(f"rpc-{code}", f"publish: crowd {self._crowd!r} at {self._endpoint.target}: "
-                                            f"{code}: {detail}")
+                self._report(f"rpc-{code}", f"publish: {self._said(code, detail)}")
                 self._reclaim = session.accepted and broken
                 if code in _REFUSED_NAMES:
                     back_off_s = max(back_off_s, 1.0)
             # Full jitter: many producers of one server must not come back all at once.
             self._sleep(back_off_s * random.uniform(0.5, 1.0))
             back_off_s = min(2 * back_off_s, LAST_BACK_OFF_S)
+
+    def _said(self, code: str, detail: str) -> str:
+        """What went wrong with a stream, and what to do about it."""
+        target = self._endpoint.target
+        if code in ("UNAVAILABLE", "DEADLINE_EXCEEDED"):
+            if _answers_http(target):
+                return (f"{target} answers HTTP: that is the address of a page (--http); give connect, or THRONG_URL, "
+                        "the server's (--listen, usually 127.0.0.1:7447)")
+            return (f"no throng server answers at {target}; start one with 'throng-server', or give connect, or "
+                    f"THRONG_URL, another address. It is tried again meanwhile. ({detail})")
+        return f"crowd {self._crowd!r} at {target}: {code}: {detail}"
 
     def _sleep(self, seconds: float) -> None:
         until = time.monotonic() + seconds
@@ -386,6 +397,18 @@ class Sender:
                 chunk.motions = frame.motions[part].tobytes()
                 chunk.motion_names.extend(frame.motion_names)
             yield ingest_pb2.PublishAgentsRequest(chunk=chunk)
+
+
+def _answers_http(target: str) -> bool:
+    """Whether HOST:PORT speaks HTTP/1, as the page's door does and a gRPC server does not."""
+    host, _, port = target.rpartition(":")
+    try:
+        with socket.create_connection((host.strip("[]"), int(port)), timeout=0.7) as door:
+            door.settimeout(0.7)
+            door.sendall(b"HEAD / HTTP/1.0\r\n\r\n")
+            return door.recv(7) == b"HTTP/1."
+    except OSError:
+        return False
 
 
 def _wire(column: np.ndarray) -> bytes:

@@ -15,6 +15,7 @@ CullJob job_of(CpuView& view) {
   job.frustum = element::frustum_from(view.clip_from_relative);
   job.eye_offset_m = view.eye_offset_m;
   job.far_m = view.far_m;
+  job.is_near = view.is_near;
   job.agents = view.instances->count - view.instances->surrounding;
   job.instances = view.instances.get();
   job.mask = view.mask.data();
@@ -36,6 +37,7 @@ void cull(CpuView& view, const Camera& camera, const Viewport& viewport, Machine
   view.mask.resize(slots);
   view.clip_from_relative = clip_from_relative(camera, viewport);
   view.forward = -glm::vec3(glm::transpose(view_from_relative(camera))[2]);
+  view.is_near = camera.ortho_height_m <= 0.0;
   view.eye_offset_m = camera.eye_world - instances.origin_world;
   view.mask_count = 0;
   const CullJob job = job_of(view);

@@ -22,6 +22,7 @@ struct CullJob {
   element::Frustum frustum;
   glm::dvec3 eye_offset_m;
   float far_m;         // 0: nobody is too far
+  bool is_near;        // the eye is a place among agents: who stands there is left out
   std::size_t agents;  // slots before the surroundings, which never are
   const CpuInstances* instances;
   std::uint8_t* mask;

@@ -84,6 +84,9 @@ std::uint32_t cull(const CullJob& job, std::size_t begin, std::size_t end) {
             element::feet_distance(glm::vec3(where), job.eye_offset_m) >= job.far_m) {
           is_visible = 0;
         }
+        if (is_visible != 0 && job.is_near && element::is_at_eye(where, job.eye_offset_m)) {
+          is_visible = 0;
+        }
       }
       job.mask[slot] = is_visible;
       count += is_visible;

@@ -44,6 +44,7 @@ struct CpuView final : ViewWork {
   element::Projection projection;
   glm::vec3 forward{0.0F, 1.0F, 0.0F};
   glm::dvec3 eye_offset_m{0.0};      // from the crowd's origin
+  bool is_near = false;              // not orthographic: the eye is a place among agents
   std::uint32_t mask_count = 0;      // instances that the mask keeps
   std::uint32_t visible_agents = 0;  // of them
   glm::mat4 clip_from_relative{1.0F};

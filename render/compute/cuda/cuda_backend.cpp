@@ -433,6 +433,7 @@ class CudaBackend final : public ComputeBackend {
     job.counters = own->counters.data();
     job.agents = slots - own->instances->surrounding;
     job.far_m = own->far_m;
+    job.is_near = camera.ortho_height_m <= 0.0;
     own->cull_job = own->cull_seen = job;
     own->seen = DeviceCounters();
     own->stage = ViewStage::kCulled;

@@ -18,6 +18,11 @@ __global__ void mask_kernel(CullJob job) {
       element::feet_distance(job.state[slot].position_m, job.eye_offset_m) >= job.far_m) {
     is_visible = 0;
   }
+  if (is_visible != 0 && job.is_near && slot < job.agents) {
+    const element::InstanceState& state = job.state[slot];
+    const glm::vec4 place(state.position_m, state.placement.scale);
+    if (element::is_at_eye(place, job.eye_offset_m)) is_visible = 0;
+  }
   job.mask[slot] = is_visible;
   job.order[slot] = is_visible;
 }

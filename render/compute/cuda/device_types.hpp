@@ -116,6 +116,7 @@ struct CullJob {
   std::uint32_t slots = 0;
   std::uint32_t agents = 0;  // slots from here on are surroundings
   float far_m = 0.0F;        // agents from here on are culled; 0: nobody is too far
+  bool is_near = false;      // the eye is a place among agents: who stands there is culled
   const glm::vec4* sphere_m = nullptr;
   const element::InstanceState* state = nullptr;
   std::uint8_t* mask = nullptr;        // [I]

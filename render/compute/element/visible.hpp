@@ -33,6 +33,16 @@ THRONG_HOST_DEVICE inline float feet_distance(const glm::vec3& p, const glm::dve
   return distance_of(glm::vec4(feet.x, feet.y, feet.z, 0.0F));
 }
 
+/// Whether the eye is within somebody: nearer than the near plane keeps whole, a head would be cut
+/// open. Such an agent is not drawn.
+/// @param place  feet, from the crowd's origin, and scale.
+THRONG_HOST_DEVICE inline bool is_at_eye(const glm::vec4& place, const glm::dvec3& eye_offset_m) {
+  constexpr float kWithinM = 0.35F, kTallestM = 2.0F;
+  const glm::vec3 feet = relative(place.x, place.y, place.z, eye_offset_m);
+  return fused(feet.x, feet.x, feet.y * feet.y) < kWithinM * kWithinM && feet.z < kWithinM &&
+         -feet.z < fused(kTallestM, place.w, kWithinM);
+}
+
 /// What a slot that is seen becomes, before LOD selection.
 THRONG_HOST_DEVICE inline VisibleInstance make_visible(const InstanceState& state, float radius_m,
                                                        std::uint32_t slot,

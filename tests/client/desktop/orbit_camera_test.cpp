@@ -107,6 +107,21 @@ TEST(OrbitCamera, StaysWithinItsLimits) {
   EXPECT_NEAR(camera.distance_m, 20000.0, 1e-6);
 }
 
+TEST(OrbitCamera, ZoomComesCloseToAFace) {
+  OrbitCamera camera;
+  camera.target_world = {3.0, 4.0, 1.0};
+  const glm::dvec2 size_px(1280, 720);
+  const glm::dvec3 face(5.0, 6.0, 1.45);
+  for (int notch = 0; notch < 60; ++notch) {
+    // the pointer is held on the face
+    const auto at = Projector(camera, size_px).project(face);
+    ASSERT_TRUE(at.has_value()) << notch;
+    camera.zoom(0.85, camera.ground_at(at->px, size_px, camera.zoom_height_m()));
+  }
+  EXPECT_LT(glm::distance(camera.eye_world(), face), 0.9);
+  EXPECT_GT(camera.eye_world().z, 1.4);
+}
+
 TEST(OrbitCamera, NothingIsSeenBehindTheEye) {
   const OrbitCamera camera = some_camera(false);
   const Projector projector(camera, kSizePx);

@@ -1,6 +1,9 @@
 """The publisher against a server in the same process, over real gRPC."""
 
+import http.server
 import logging
+import socket
+import threading
 import time
 
 import grpc
@@ -307,6 +310,38 @@ def test_refusal_is_logged_with_the_servers_words(server, caplog, monkeypatch):
         assert not pub.close(0.1)
     assert any("ALREADY_EXISTS" in record.message and "refused by the test" in record.message
                for record in caplog.records)
+
+
+def test_no_server_is_told_with_its_address_and_what_to_do(caplog):
+    with socket.socket() as door:  # bound and deaf: nobody else gets its port
+        door.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{door.getsockname()[1]}"
+        pub = throng.connect(address)
+        pub.publish(0.0, [1], [(0, 0)])
+        while not pub.stats.last_error:
+            pub.publish(0.1, [1], [(0, 0)])
+        pub.close(0.1)
+    assert f"no throng server answers at {address}; start one with 'throng-server'" in caplog.text
+
+
+def test_the_pages_address_is_told_from_the_servers(caplog):
+    class Page(http.server.BaseHTTPRequestHandler):
+        def do_HEAD(self):
+            self.send_error(404)
+
+        def log_message(self, *_):
+            pass
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Page) as page:
+        threading.Thread(target=page.serve_forever, daemon=True).start()
+        address = f"127.0.0.1:{page.server_address[1]}"
+        pub = throng.connect(address)
+        pub.publish(0.0, [1], [(0, 0)])
+        while not pub.stats.last_error:
+            pub.publish(0.1, [1], [(0, 0)])
+        pub.close(0.1)
+        page.shutdown()
+    assert f"{address} answers HTTP: that is the address of a page" in caplog.text
 
 
 def test_token_goes_along_and_stays_out_of_the_log(server, caplog, monkeypatch):

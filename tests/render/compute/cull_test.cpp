@@ -92,6 +92,29 @@ TEST_P(CullTest, KeepsSphereThatOnlyTouchesPlane) {
   EXPECT_EQ(stage.counters().visible, 0U);
 }
 
+TEST_P(CullTest, WhoStandsAtTheEyeIsLeftOut) {
+  const auto cast = test::tiny_cast();
+  const auto crowd = test::standing_crowd(cast, {{0.2F, 0.2F, 0}, {0.5F, 0.2F, 0}, {0, 0.2F, 8}});
+  test::Stage stage(cast, GetParam());
+  stage.camera.eye_world = {0.0, 0.0, 1.6};
+  stage.camera.target_world = {0.0, 1.0, 1.6};
+  stage.advance(*crowd, 0);
+  stage.cull();
+  std::vector<std::uint8_t> visible(3);
+  ASSERT_TRUE(stage.backend->read_visible(*stage.view, visible).ok());
+  EXPECT_EQ(visible, (std::vector<std::uint8_t>{0, 1, 0}));  // the last is above the picture
+  stage.camera.eye_world.z = 30.0;
+  stage.camera.target_world = {0.0, 0.01, 0.0};  // from far above nobody is at the eye
+  stage.cull();
+  EXPECT_EQ(stage.counters().visible, 3U);
+  stage.camera.eye_world.z = 1.6;
+  stage.camera.ortho_height_m = 10.0;  // nor where rays have no common eye
+  stage.camera.target_world = {0.0, 1.0, 1.6};
+  stage.cull();
+  ASSERT_TRUE(stage.backend->read_visible(*stage.view, visible).ok());
+  EXPECT_EQ(visible[0], 1U);
+}
+
 TEST_P(CullTest, VisibleListKeepsTheOrderOfSlots) {
   const auto cast = test::tiny_cast();
   const auto crowd = test::walking_crowd(cast, 20'000, 300.0);

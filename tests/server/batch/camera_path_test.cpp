@@ -70,6 +70,19 @@ TEST(CameraPathTest, EyeAndTargetAreSpelledAsInTheViewer) {
   }
 }
 
+TEST(CameraPathTest, SeveralOfEyeAndTargetAreNumbered) {
+  std::vector<client::CameraScript> cameras;
+  for (const char* text : {"1,2,3:4,5,6", "top", "3,2,3:4,5,6"}) {
+    cameras.push_back(*client::CameraScript::parse(text));
+  }
+  client::number_cameras({cameras.data(), 2});
+  EXPECT_EQ(cameras[0].name(), "camera");
+  client::number_cameras(cameras);
+  EXPECT_EQ(cameras[0].name(), "camera-1");
+  EXPECT_EQ(cameras[1].name(), "top");
+  EXPECT_EQ(cameras[2].name(), "camera-2");
+}
+
 TEST(CameraPathTest, KeysAreMetExactlyAndHeldOutside) {
   const auto path = CameraPath::parse(write(R"({"keys":[{"time_s":0,"eye":[0,0,5],"target":[9,0,0]},
                         {"time_s":1,"eye":[1,0,5],"target":[9,1,0]},
