@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "render/compute/cpu/fit.hpp"
 #include "render/compute/cpu/kernels.hpp"
 #include "render/compute/cpu/slabs.hpp"
 #include "render/compute/cpu/speck_table.hpp"
@@ -10,51 +11,39 @@
 namespace throng::render {
 namespace {
 
-constexpr std::uint32_t kSamples = 4096;
 constexpr double kCalm = 0.02;  // of the time: what is left as it is, so that nothing shimmers
 
-struct Sample {
-  float px_per_m, height_px, radius_px;
-  float limit;  // of the agent: about 1
-  const ErrorTable* error;
-  bool may_be_speck, may_share;
-};
+using Sample = WorkSample;
 
 /// Every so many of the visible agents.
-std::vector<Sample> sample(const CpuView& view, const MixedForms& mixed, const Kernels& kernels,
-                           std::uint32_t& every) {
+WorkSamples sample(const CpuView& view, const MixedForms& mixed, const Kernels& kernels) {
   const CpuInstances& instances = *view.instances;
   const CastTable& cast = *instances.cast;
-  every = view.visible_agents / kSamples + 1;
-  std::vector<Sample> samples;
-  samples.reserve(view.visible_agents / every + 1);
+  WorkSamples samples;
+  samples.projection = view.projection;
+  samples.every = element::work_step(view.visible_agents);
+  samples.sample.reserve(view.visible_agents / samples.every + 1);
   const std::uint32_t agents = instances.count - instances.surrounding;
   std::uint32_t skip = 0;
   for (std::uint32_t slot = 0; slot < agents; ++slot) {
     if (view.mask[slot] == 0 || skip-- != 0) continue;
-    skip = every - 1;
+    skip = samples.every - 1;
     const PlacedInstance placed = kernels.place(instances, slot);
-    const element::InstanceState& state = placed.state;
-    const glm::vec4& sphere_m = placed.sphere_m;
-    const float distance_m =
-        element::distance_of(element::relative_sphere(sphere_m, view.eye_offset_m));
-    const CharacterTable& table = cast.characters[state.character];
+    const CharacterTable& table = cast.characters[placed.state.character];
     Sample one;
-    one.px_per_m = view.projection.focal_px /
-                   (view.projection.perspective != 0 ? std::max(distance_m, sphere_m.w) : 1.0F);
-    one.height_px = one.px_per_m * state.placement.scale * table.character->height_m;
-    one.radius_px = one.px_per_m * sphere_m.w;
-    one.limit = 0.9F + 0.2F * element::unit_from_seed(state.seed, element::kSeedForm);
+    static_cast<element::WorkSize&>(one) =
+        element::work_size(view.projection, placed.state, placed.sphere_m,
+                           table.character->height_m, view.eye_offset_m);
     one.error = &table.error;
     one.may_be_speck = mixed.specks && view.speck_table != nullptr &&
-                       view.speck_table->has_images[state.character] != 0;
-    one.may_share = cast.levels.is_listed[state.character];
-    samples.push_back(one);
+                       view.speck_table->has_images[one.character] != 0;
+    one.may_share = cast.levels.is_listed[one.character];
+    samples.sample.push_back(one);
   }
   return samples;
 }
 
-FrameWork work_of(const std::vector<Sample>& samples, std::uint32_t every, const CpuView& view,
+FrameWork work_of(const std::vector<Sample>& samples, std::uint32_t every, const WorkSamples& view,
                   const Selection& selection, float error_px) {
   const MixedForms& mixed = selection.mixed;
   const float pose_error_px = pose_error_of(error_px);
@@ -108,17 +97,24 @@ FrameWork work_of(const std::vector<Sample>& samples, std::uint32_t every, const
 
 }  // namespace
 
-void fit_error(CpuView& view, const Kernels& kernels, Selection& selection) {
-  MixedForms& mixed = selection.mixed;
-  std::uint32_t every = 1;
-  const std::vector<Sample> samples = sample(view, mixed, kernels, every);
-  const auto work_at = [&](float error_px) {
-    return work_of(samples, every, view, selection, error_px);
-  };
+float kept_error(const MixedForms& mixed, float error_px) {
   const float least = std::max(mixed.least_error_px, 1e-4F);
-  const float most = std::max(mixed.most_error_px, least);
-  float chosen = std::clamp(view.error_px, least, most);
-  const double now_ms = view.error_px > 0.0F ? mixed.cost.of(work_at(chosen)) : 0.0;
+  return std::clamp(error_px, least, std::max(mixed.most_error_px, least));
+}
+
+void set_error(Selection& selection, float error_px) {
+  selection.mixed.error_px = error_px;
+  selection.pose_error_px = pose_error_of(error_px);
+}
+
+FrameWork fit_error(const WorkSamples& view, Selection& selection, float& error_px) {
+  const MixedForms& mixed = selection.mixed;
+  const auto work_at = [&](float at_px) {
+    return work_of(view.sample, view.every, view, selection, at_px);
+  };
+  const float least = kept_error(mixed, 0.0F), most = kept_error(mixed, mixed.most_error_px);
+  float chosen = kept_error(mixed, error_px);
+  const double now_ms = error_px > 0.0F ? mixed.cost.of(work_at(chosen)) : 0.0;
   if (std::abs(now_ms - mixed.budget_ms) > kCalm * mixed.budget_ms) {
     // more error is never dearer
     float low = least, high = most;
@@ -132,10 +128,13 @@ void fit_error(CpuView& view, const Kernels& kernels, Selection& selection) {
     }
     chosen = high;
   }
-  mixed.error_px = chosen;
-  selection.pose_error_px = pose_error_of(chosen);
-  view.error_px = chosen;
-  view.work = work_at(chosen);
+  set_error(selection, chosen);
+  error_px = chosen;
+  return work_at(chosen);
+}
+
+void fit_error(CpuView& view, const Kernels& kernels, Selection& selection) {
+  view.work = fit_error(sample(view, selection.mixed, kernels), selection, view.error_px);
 }
 
 }  // namespace throng::render

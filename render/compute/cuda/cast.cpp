@@ -6,7 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include "render/compute/cpu/error_table.hpp"
 #include "render/compute/cpu/levels.hpp"
 #include "render/compute/element/octahedral.hpp"
 #include "render/compute/element/shared_pose.hpp"
@@ -41,6 +40,7 @@ absl::StatusOr<std::shared_ptr<const CudaCast>> CudaCast::upload(std::shared_ptr
   std::vector<element::JointMatrix> palettes;
   std::shared_ptr<CudaCast> result(new CudaCast(stream));
   const LevelTable table = make_levels(*cast);
+  result->may_share_ = table.is_listed;
   static_assert(kMostLevelVertices == LevelTable::kMostVertices);
   std::vector<DeviceLevel> levels;
   for (const Level& level : table.levels) {
@@ -91,7 +91,7 @@ absl::StatusOr<std::shared_ptr<const CudaCast>> CudaCast::upload(std::shared_ptr
       uvs.push_back(from.uv[i]);
       targets.push_back(from.collapse_target[i]);
     }
-    const ErrorTable errors = make_error_table(from);
+    const ErrorTable& errors = result->errors_.emplace_back(make_error_table(from));
     error_counts.insert(error_counts.end(), errors.vertex_count.begin(), errors.vertex_count.end());
     to.has_relief = from.relief != nullptr ? 1 : 0;
     to.first_point = static_cast<std::uint32_t>(points.size());

@@ -3,7 +3,9 @@
 #include <absl/status/statusor.h>
 
 #include <memory>
+#include <vector>
 
+#include "render/compute/cpu/error_table.hpp"
 #include "render/compute/cuda/device_types.hpp"
 #include "render/compute/cuda/memory.hpp"
 #include "throng/render/asset.hpp"
@@ -21,6 +23,9 @@ class CudaCast {
   const std::shared_ptr<const Cast>& cast() const { return cast_; }
   std::size_t character_count() const { return cast_->members.size(); }
   std::uint32_t most_joints() const { return most_joints_; }
+  /// By character, in the host's memory.
+  const std::vector<ErrorTable>& errors() const { return errors_; }
+  const std::vector<bool>& may_share() const { return may_share_; }
   /// Of posed meshes that agents may share.
   std::uint32_t mesh_count() const { return mesh_count_; }
 
@@ -44,6 +49,8 @@ class CudaCast {
 
   std::shared_ptr<const Cast> cast_;
   DeviceCast device_;
+  std::vector<ErrorTable> errors_;
+  std::vector<bool> may_share_;
   std::uint32_t most_joints_ = 0, mesh_count_ = 0;
   DeviceBuffer<DeviceCharacter> character_;
   DeviceBuffer<element::SourceVertex> vertex_;

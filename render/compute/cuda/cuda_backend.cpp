@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "render/compute/common.hpp"
+#include "render/compute/cpu/fit.hpp"
 #include "render/compute/cpu/slabs.hpp"
 #include "render/compute/cuda/cast.hpp"
 #include "render/compute/cuda/device.hpp"
@@ -63,6 +64,7 @@ struct CudaView final : ViewWork {
         order(stream),
         visible(stream),
         distance_m(stream),
+        work_size(stream),
         fate(stream),
         speck_order(stream),
         specks(stream),
@@ -135,6 +137,12 @@ struct CudaView final : ViewWork {
   DeviceBuffer<std::uint32_t> order;
   DeviceBuffer<VisibleInstance> visible;
   DeviceBuffer<float> distance_m;
+  // of a frame that is to take some time
+  std::optional<Selection> asked;  // as it came
+  float selected_px = 0.0F;        // the error that was selected by
+  float error_px = 0.0F;           // chosen, and kept by the next frame as long as it fits
+  FrameWork work;
+  DeviceBuffer<element::WorkSize> work_size;
   // of the mixed frame
   glm::vec3 forward{0.0F, 1.0F, 0.0F};
   std::shared_ptr<const SpeckStore> speck_store;  // null: nobody is a speck
@@ -150,7 +158,6 @@ struct CudaView final : ViewWork {
   DeviceBuffer<element::JointMatrix> joints;
   DeviceBuffer<Splat> splats;  // the far crowd's first
   // of the far crowd
-  bool has_far = false;
   std::shared_ptr<const FarStore::Shape> far_shape;
   std::shared_ptr<const FarStore::Agents> far_agents;
   std::uint64_t far_version = 0;  // of far_share
@@ -188,7 +195,7 @@ struct CudaView final : ViewWork {
 
   std::uint64_t size_bytes() const {
     const auto sum = [](const auto&... buffer) { return (buffer.size_bytes() + ...); };
-    return sum(fate, speck_order, specks, representation, jointed, first_joint, palettes,
+    return sum(work_size, fate, speck_order, specks, representation, jointed, first_joint, palettes,
                first_splat, pointed, joints, splats, far_share, far_place, far_first, far_order,
                far_shadows) +
            sum(mask, order, visible, distance_m, tier, own, mesh, wanted, size, is_made, list,
@@ -227,6 +234,9 @@ class Packer {
 
 /// Of a view's posed meshes, as on the processor.
 constexpr std::uint64_t kPosedLimitBytes = std::uint64_t{256} << 20;
+
+/// Where in what is read back of a frame the sizes of agents begin, after the counters.
+constexpr std::size_t kSizesAt = (sizeof(DeviceCounters) + 63) / 64 * 64;
 
 class CudaBackend final : public ComputeBackend {
  public:
@@ -447,55 +457,18 @@ class CudaBackend final : public ComputeBackend {
       return status;
     }
     if (absl::Status status = check_selection(selection); !status.ok()) return status;
-    const std::uint32_t slots = own->instances->count;
     THRONG_CUDA_TRY(cudaSetDevice(device_), "select");
-    own->has_forms = selection.form != FormRule::kMesh;
-    if (own->has_forms) THRONG_CUDA_TRY(own->representation.resize(slots), "select");
-    own->speck_store.reset();
-    own->split_job.reset();
-    own->cull_job = own->cull_seen;  // what was selected before changed the list
-    if (selection.form == FormRule::kMixed && selection.mixed.specks) {
-      if (absl::Status status = prepare_split(*own, selection.mixed); !status.ok()) return status;
+    own->work = {};
+    own->asked.reset();
+    if (selection.form != FormRule::kMixed || !(selection.mixed.budget_ms > 0.0)) {
+      own->error_px = 0.0F;
+      return prepare_select(*own, selection);
     }
-    THRONG_CUDA_TRY(own->share.resize(slots), "select");
-    THRONG_CUDA_TRY(own->tier.resize(slots), "select");
-    THRONG_CUDA_TRY(own->own.resize(slots), "select");
-    THRONG_CUDA_TRY(own->vertex_count.resize(slots + 1), "select");
-    THRONG_CUDA_TRY(own->triangle_count.resize(slots + 1), "select");
-    THRONG_CUDA_TRY(own->sums.resize(1), "select");
-    own->on_device = selection.on_device;
-    own->read_instances = selection.read_instances;
-    own->motion = selection.motion;
-    own->share_poses = selection.pose_mode == PoseMode::kShared;
-    own->fused = selection.geometry == GeometryKind::kFused;
-    SelectJob job;
-    job.cast = own->instances->cast->device();
-    job.projection = own->projection;
-    job.vertex_budget = selection.vertex_budget;
-    job.deal_again = selection.rule == LodRule::kBudget;
-    job.slots = slots;
-    job.frustum = own->frustum;
-    job.share_poses = own->share_poses;
-    job.fused = own->fused;
-    job.pose_error_px = selection.pose_error_px;
-    job.form = selection.form;
-    job.mixed = selection.mixed;
-    job.point_size_px = selection.point_size_px;
-    job.agents = slots - own->instances->surrounding;
-    job.representation = own->has_forms ? own->representation.data() : nullptr;
-    job.state = own->instances->state.data();
-    job.visible = own->visible.data();
-    job.distance_m = own->distance_m.data();
-    job.share = own->share.data();
-    job.tier = own->tier.data();
-    job.own = own->own.data();
-    job.vertex_count = own->vertex_count.data();
-    job.triangle_count = own->triangle_count.data();
-    job.sums = own->sums.data();
-    job.counters = own->counters.data();
-    own->select_job = job;
-    own->stage = ViewStage::kSelected;
-    return absl::OkStatus();
+    // by the error of the frame before; who is in view is known once the device has told
+    own->asked = selection;
+    Selection before = selection;
+    if (own->error_px > 0.0F) set_error(before, kept_error(selection.mixed, own->error_px));
+    return prepare_select(*own, before);
   }
 
   absl::Status allocate(ViewWork& view) override {
@@ -506,75 +479,12 @@ class CudaBackend final : public ComputeBackend {
       return status;
     }
     own->stage = ViewStage::kSelected;
-    const std::uint32_t slots = own->instances->count;
-    const CudaCast& cast = *own->instances->cast;
     THRONG_CUDA_TRY(cudaSetDevice(device_), "allocate");
-    FarJob far;
-    if (absl::Status status = far_job(*own, far); !status.ok()) return status;
-    std::size_t scratch_bytes = 0;
-    THRONG_CUDA_TRY(
-        scan_scratch_bytes(std::max(slots + cast.mesh_count(), far.shares) + 1, scratch_bytes),
-        "allocate");
-    THRONG_CUDA_TRY(own->scratch.resize(scratch_bytes), "allocate");
-    THRONG_CUDA_TRY(own->vertex_offset.resize(slots + 1), "allocate");
-    THRONG_CUDA_TRY(own->triangle_offset.resize(slots + 1), "allocate");
-    THRONG_CUDA_TRY(own->command.resize(1), "allocate");
-    AllocateJob job;
-    job.slots = slots;
-    job.vertex_count = own->vertex_count.data();
-    job.triangle_count = own->triangle_count.data();
-    job.vertex_offset = own->vertex_offset.data();
-    job.triangle_offset = own->triangle_offset.data();
-    job.command = own->command.data();
-    PosedJob posed;
-    if (absl::Status status = posed_job(*own, posed); !status.ok()) return status;
-    FormsJob forms;
-    if (absl::Status status = forms_job(*own, forms); !status.ok()) return status;
-    THRONG_CUDA_TRY(own->moments.make(), "allocate");
-    const auto launches = [&](cudaStream_t stream, bool recorded) -> absl::Status {
-      const auto passes = [&](CudaView::Moment moment) {
-        return own->moments.record(moment, stream, recorded);
-      };
-      THRONG_CUDA_TRY(passes(CudaView::kBegun), "cull");
-      if (absl::Status status = launch_pending_cull(*own, stream); !status.ok()) return status;
-      THRONG_CUDA_TRY(passes(CudaView::kCullEnds), "cull");
-      if (absl::Status status = launch_pending(*own, stream); !status.ok()) return status;
-      THRONG_CUDA_TRY(passes(CudaView::kSelectEnds), "select");
-      THRONG_CUDA_TRY(launch_allocate(job, own->scratch.data(), scratch_bytes, stream), "allocate");
-      THRONG_CUDA_TRY(launch_want_poses(posed, stream), "allocate");
-      THRONG_CUDA_TRY(launch_want_forms(forms, own->scratch.data(), scratch_bytes, stream),
-                      "allocate");
-      THRONG_CUDA_TRY(launch_place_far(far, own->scratch.data(), scratch_bytes, stream),
-                      "allocate");
-      THRONG_CUDA_TRY(passes(CudaView::kAllocateEnds), "allocate");
-      return absl::OkStatus();
-    };
-    absl::Status launched = own->graph.run(stream_, "allocate", launches);
-    if (!launched.ok()) return launched;
-    // the one look of the host at a frame: how much room its buffers need
-    if (absl::Status status = read_counters(*own); !status.ok()) return status;
-    own->times.cull_ms = own->moments.ms(CudaView::kBegun, CudaView::kCullEnds);
-    own->times.select_ms = own->moments.ms(CudaView::kCullEnds, CudaView::kSelectEnds);
-    own->times.allocate_ms = own->moments.ms(CudaView::kSelectEnds, CudaView::kAllocateEnds);
-    own->times.generate_ms = own->moments.ms(CudaView::kGenerateBegins, CudaView::kGenerateEnds);
-    own->has_far = far.shares > 0;
-    if (!own->has_far) own->seen.far_agents = own->seen.far_points = 0;
-    if (!own->has_forms) own->seen.splats = 0;
-    const DeviceCounters& seen = own->seen;
-    if (absl::Status status = check_batch(seen.own_vertices, seen.own_triangles); !status.ok()) {
-      return status;
+    if (absl::Status status = run_stages(*own); !status.ok()) return status;
+    if (own->asked.has_value()) {
+      if (absl::Status status = fit(*own); !status.ok()) return status;
     }
-    if (absl::Status status = hold_vertices(*own, slots); !status.ok()) return status;
-    THRONG_CUDA_TRY(own->vertices.resize(seen.own_vertices), "allocate");
-    own->made_vertices = seen.own_vertices;
-    THRONG_CUDA_TRY(own->indices.resize(3 * seen.own_triangles), "allocate");
-    if (own->fused) THRONG_CUDA_TRY(own->shared.resize(seen.visible), "allocate");
-    if (absl::Status status = check_forms(seen); !status.ok()) return status;
-    if (own->has_forms) THRONG_CUDA_TRY(own->joints.resize(seen.joints), "allocate");
-    THRONG_CUDA_TRY(own->splats.resize(seen.far_points + seen.splats), "allocate");
-    THRONG_CUDA_TRY(own->far_shadows.resize(seen.far_agents), "allocate");
-    own->stage = ViewStage::kAllocated;
-    return absl::OkStatus();
+    return make_room(*own);
   }
 
   absl::Status generate(ViewWork& view) override {
@@ -670,6 +580,8 @@ class CudaBackend final : public ComputeBackend {
     counters.triangles = seen.triangles;
     counters.effective_budget = seen.effective_budget;
     counters.shared_poses = seen.shared;
+    counters.work = own->work;
+    counters.error_px = own->error_px;
     counters.far_agents = seen.far_agents;
     counters.far_points = seen.far_points;
     counters.view_bytes = own->size_bytes();
@@ -758,6 +670,172 @@ class CudaBackend final : public ComputeBackend {
     result->columns.seed = reinterpret_cast<const std::uint32_t*>(base + seed);
     result->columns.character = reinterpret_cast<const std::uint16_t*>(base + character);
     roster_ = std::move(result);
+    return absl::OkStatus();
+  }
+
+  /// Takes note of the selection, which goes to the device with the other stages.
+  absl::Status prepare_select(CudaView& view, const Selection& selection) {
+    const std::uint32_t slots = view.instances->count;
+    view.has_forms = selection.form != FormRule::kMesh;
+    if (view.has_forms) THRONG_CUDA_TRY(view.representation.resize(slots), "select");
+    view.speck_store.reset();
+    view.split_job.reset();
+    view.selected_px = selection.mixed.error_px;
+    view.cull_job = view.cull_seen;  // what was selected before changed the list
+    if (view.asked.has_value()) {
+      THRONG_CUDA_TRY(view.work_size.resize(element::kWorkSamples), "select");
+      view.cull_job->work_size = view.work_size.data();
+      view.cull_job->projection = view.projection;
+      view.cull_job->character = view.instances->cast->device().character;
+    }
+    if (selection.form == FormRule::kMixed && selection.mixed.specks) {
+      if (absl::Status status = prepare_split(view, selection.mixed); !status.ok()) return status;
+    }
+    THRONG_CUDA_TRY(view.share.resize(slots), "select");
+    THRONG_CUDA_TRY(view.tier.resize(slots), "select");
+    THRONG_CUDA_TRY(view.own.resize(slots), "select");
+    THRONG_CUDA_TRY(view.vertex_count.resize(slots + 1), "select");
+    THRONG_CUDA_TRY(view.triangle_count.resize(slots + 1), "select");
+    THRONG_CUDA_TRY(view.sums.resize(1), "select");
+    view.on_device = selection.on_device;
+    view.read_instances = selection.read_instances;
+    view.motion = selection.motion;
+    view.share_poses = selection.pose_mode == PoseMode::kShared;
+    view.fused = selection.geometry == GeometryKind::kFused;
+    SelectJob job;
+    job.cast = view.instances->cast->device();
+    job.projection = view.projection;
+    job.vertex_budget = selection.vertex_budget;
+    job.deal_again = selection.rule == LodRule::kBudget;
+    job.slots = slots;
+    job.frustum = view.frustum;
+    job.share_poses = view.share_poses;
+    job.fused = view.fused;
+    job.pose_error_px = selection.pose_error_px;
+    job.form = selection.form;
+    job.mixed = selection.mixed;
+    job.point_size_px = selection.point_size_px;
+    job.agents = slots - view.instances->surrounding;
+    job.representation = view.has_forms ? view.representation.data() : nullptr;
+    job.state = view.instances->state.data();
+    job.visible = view.visible.data();
+    job.distance_m = view.distance_m.data();
+    job.share = view.share.data();
+    job.tier = view.tier.data();
+    job.own = view.own.data();
+    job.vertex_count = view.vertex_count.data();
+    job.triangle_count = view.triangle_count.data();
+    job.sums = view.sums.data();
+    job.counters = view.counters.data();
+    view.select_job = job;
+    view.stage = ViewStage::kSelected;
+    return absl::OkStatus();
+  }
+
+  /// All stages up to `allocate` on the device, and what they counted.
+  absl::Status run_stages(CudaView& view) {
+    const std::uint32_t slots = view.instances->count;
+    const CudaCast& cast = *view.instances->cast;
+    FarJob far;
+    if (absl::Status status = far_job(view, far); !status.ok()) return status;
+    std::size_t scratch_bytes = 0;
+    THRONG_CUDA_TRY(
+        scan_scratch_bytes(std::max(slots + cast.mesh_count(), far.shares) + 1, scratch_bytes),
+        "allocate");
+    THRONG_CUDA_TRY(view.scratch.resize(scratch_bytes), "allocate");
+    THRONG_CUDA_TRY(view.vertex_offset.resize(slots + 1), "allocate");
+    THRONG_CUDA_TRY(view.triangle_offset.resize(slots + 1), "allocate");
+    THRONG_CUDA_TRY(view.command.resize(1), "allocate");
+    AllocateJob job;
+    job.slots = slots;
+    job.vertex_count = view.vertex_count.data();
+    job.triangle_count = view.triangle_count.data();
+    job.vertex_offset = view.vertex_offset.data();
+    job.triangle_offset = view.triangle_offset.data();
+    job.command = view.command.data();
+    PosedJob posed;
+    if (absl::Status status = posed_job(view, posed); !status.ok()) return status;
+    FormsJob forms;
+    if (absl::Status status = forms_job(view, forms); !status.ok()) return status;
+    THRONG_CUDA_TRY(view.moments.make(), "allocate");
+    const auto launches = [&](cudaStream_t stream, bool recorded) -> absl::Status {
+      const auto passes = [&](CudaView::Moment moment) {
+        return view.moments.record(moment, stream, recorded);
+      };
+      THRONG_CUDA_TRY(passes(CudaView::kBegun), "cull");
+      if (absl::Status status = launch_pending_cull(view, stream); !status.ok()) return status;
+      THRONG_CUDA_TRY(passes(CudaView::kCullEnds), "cull");
+      if (absl::Status status = launch_pending(view, stream); !status.ok()) return status;
+      THRONG_CUDA_TRY(passes(CudaView::kSelectEnds), "select");
+      THRONG_CUDA_TRY(launch_allocate(job, view.scratch.data(), scratch_bytes, stream), "allocate");
+      THRONG_CUDA_TRY(launch_want_poses(posed, stream), "allocate");
+      THRONG_CUDA_TRY(launch_want_forms(forms, view.scratch.data(), scratch_bytes, stream),
+                      "allocate");
+      THRONG_CUDA_TRY(launch_place_far(far, view.scratch.data(), scratch_bytes, stream),
+                      "allocate");
+      THRONG_CUDA_TRY(passes(CudaView::kAllocateEnds), "allocate");
+      return absl::OkStatus();
+    };
+    absl::Status launched = view.graph.run(stream_, "allocate", launches);
+    if (!launched.ok()) return launched;
+    // the one look of the host at a frame: how much room its buffers need
+    if (absl::Status status = read_counters(view); !status.ok()) return status;
+    view.times.cull_ms = view.moments.ms(CudaView::kBegun, CudaView::kCullEnds);
+    view.times.select_ms = view.moments.ms(CudaView::kCullEnds, CudaView::kSelectEnds);
+    view.times.allocate_ms = view.moments.ms(CudaView::kSelectEnds, CudaView::kAllocateEnds);
+    view.times.generate_ms = view.moments.ms(CudaView::kGenerateBegins, CudaView::kGenerateEnds);
+    if (far.shares == 0) view.seen.far_agents = view.seen.far_points = 0;
+    if (!view.has_forms) view.seen.splats = 0;
+    return absl::OkStatus();
+  }
+
+  /// Chooses the error by who is in view, as on the processor. Where it is another one than was
+  /// selected by, because much has changed since the frame before, the stages run once more.
+  absl::Status fit(CudaView& view) {
+    const CudaCast& cast = *view.instances->cast;
+    WorkSamples samples;
+    samples.projection = view.projection;
+    const bool has_agents = view.instances->count > view.instances->surrounding;
+    const std::uint32_t in_view = has_agents ? view.seen.in_view : 0;
+    samples.every = element::work_step(in_view);
+    samples.sample.resize((in_view + samples.every - 1) / samples.every);
+    const auto* sizes = reinterpret_cast<const element::WorkSize*>(
+        static_cast<const std::byte*>(view.read_back.data()) + kSizesAt);
+    for (std::size_t i = 0; i < samples.sample.size(); ++i) {
+      WorkSample& sample = samples.sample[i];
+      static_cast<element::WorkSize&>(sample) = sizes[i];
+      sample.error = &cast.errors()[sample.character];
+      sample.may_be_speck = view.speck_store != nullptr &&
+                            view.speck_store->table().has_images[sample.character] != 0;
+      sample.may_share = cast.may_share()[sample.character];
+    }
+    Selection fitted = *view.asked;
+    view.work = fit_error(samples, fitted, view.error_px);
+    if (fitted.mixed.error_px == view.selected_px) return absl::OkStatus();
+    const std::uint32_t held_before = view.seen.held_before;
+    if (absl::Status status = prepare_select(view, fitted); !status.ok()) return status;
+    if (absl::Status status = run_stages(view); !status.ok()) return status;
+    view.seen.held_before = held_before;
+    return absl::OkStatus();
+  }
+
+  /// The frame's buffers, as large as what was counted.
+  absl::Status make_room(CudaView& view) {
+    const DeviceCounters& seen = view.seen;
+    if (absl::Status status = check_batch(seen.own_vertices, seen.own_triangles); !status.ok()) {
+      return status;
+    }
+    if (absl::Status status = hold_vertices(view, view.instances->count); !status.ok())
+      return status;
+    THRONG_CUDA_TRY(view.vertices.resize(seen.own_vertices), "allocate");
+    view.made_vertices = seen.own_vertices;
+    THRONG_CUDA_TRY(view.indices.resize(3 * seen.own_triangles), "allocate");
+    if (view.fused) THRONG_CUDA_TRY(view.shared.resize(seen.visible), "allocate");
+    if (absl::Status status = check_forms(seen); !status.ok()) return status;
+    if (view.has_forms) THRONG_CUDA_TRY(view.joints.resize(seen.joints), "allocate");
+    THRONG_CUDA_TRY(view.splats.resize(seen.far_points + seen.splats), "allocate");
+    THRONG_CUDA_TRY(view.far_shadows.resize(seen.far_agents), "allocate");
+    view.stage = ViewStage::kAllocated;
     return absl::OkStatus();
   }
 
@@ -985,10 +1063,18 @@ class CudaBackend final : public ComputeBackend {
   }
 
   absl::Status read_counters(CudaView& view) {
-    THRONG_CUDA_TRY(view.read_back.resize(sizeof(DeviceCounters)), "allocate");
+    constexpr std::size_t kSizes = element::kWorkSamples * sizeof(element::WorkSize);
+    THRONG_CUDA_TRY(view.read_back.resize(kSizesAt + (view.asked.has_value() ? kSizes : 0)),
+                    "allocate");
     THRONG_CUDA_TRY(cudaMemcpyAsync(view.read_back.data(), view.counters.data(),
                                     sizeof(DeviceCounters), cudaMemcpyDeviceToHost, stream_),
                     "allocate");
+    if (view.asked.has_value()) {
+      THRONG_CUDA_TRY(
+          cudaMemcpyAsync(static_cast<std::byte*>(view.read_back.data()) + kSizesAt,
+                          view.work_size.data(), kSizes, cudaMemcpyDeviceToHost, stream_),
+          "allocate");
+    }
     THRONG_CUDA_TRY(cudaStreamSynchronize(stream_), "allocate");
     std::memcpy(&view.seen, view.read_back.data(), sizeof view.seen);
     return absl::OkStatus();

@@ -27,6 +27,21 @@ __global__ void mask_kernel(CullJob job) {
   job.order[slot] = is_visible;
 }
 
+/// Every so many of the agents in view, in the order of slots.
+__global__ void sample_kernel(CullJob job) {
+  const std::uint32_t slot = blockIdx.x * blockDim.x + threadIdx.x;
+  if (slot >= job.agents) return;
+  const std::uint32_t last = job.agents - 1;
+  const std::uint32_t in_view = job.order[last] + job.mask[last];
+  if (slot == last) job.counters->in_view = in_view;
+  const std::uint32_t every = element::work_step(in_view), place = job.order[slot];
+  if (job.mask[slot] == 0 || place % every != 0) return;
+  const element::InstanceState& state = job.state[slot];
+  job.work_size[place / every] =
+      element::work_size(job.projection, state, job.sphere_m[slot],
+                         job.character[state.character].height_m, job.eye_offset_m);
+}
+
 __global__ void compact_kernel(CullJob job) {
   const std::uint32_t slot = blockIdx.x * blockDim.x + threadIdx.x;
   if (slot >= job.slots) return;
@@ -60,8 +75,14 @@ cudaError_t launch_mask(const CullJob& job, void* scratch, std::size_t scratch_b
   if (job.slots == 0) return cudaMemsetAsync(job.counters, 0, sizeof *job.counters, stream);
   const std::uint32_t blocks = (job.slots + kThreads - 1) / kThreads;
   THRONG_LAUNCH_APART(mask_kernel, blocks, kThreads, stream, job);
-  if (const cudaError_t error = cudaGetLastError(); error != cudaSuccess) return error;
-  return launch_scan(job.order, job.order, job.slots, scratch, scratch_bytes, stream);
+  if (job.work_size == nullptr) return cudaGetLastError();
+  if (const cudaError_t error =
+          launch_scan(job.order, job.order, job.slots, scratch, scratch_bytes, stream);
+      error != cudaSuccess) {
+    return error;
+  }
+  THRONG_LAUNCH_APART(sample_kernel, blocks, kThreads, stream, job);
+  return cudaGetLastError();
 }
 
 cudaError_t launch_cull(const CullJob& job, void* scratch, std::size_t scratch_bytes,
@@ -69,6 +90,13 @@ cudaError_t launch_cull(const CullJob& job, void* scratch, std::size_t scratch_b
   if (const cudaError_t error = launch_mask(job, scratch, scratch_bytes, stream);
       error != cudaSuccess || job.slots == 0) {
     return error;
+  }
+  if (job.work_size == nullptr) {
+    if (const cudaError_t error =
+            launch_scan(job.order, job.order, job.slots, scratch, scratch_bytes, stream);
+        error != cudaSuccess) {
+      return error;
+    }
   }
   const std::uint32_t blocks = (job.slots + kThreads - 1) / kThreads;
   THRONG_LAUNCH_APART(compact_kernel, blocks, kThreads, stream, job);

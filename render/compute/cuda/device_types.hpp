@@ -15,6 +15,7 @@
 #include "render/compute/element/skinning.hpp"
 #include "render/compute/element/speck.hpp"
 #include "render/compute/element/speck_slab.hpp"
+#include "render/compute/element/work_sample.hpp"
 #include "throng/render/representation.hpp"
 #include "throng/render/vertex.hpp"
 
@@ -100,6 +101,7 @@ struct DeviceCounters {
   std::uint32_t pointed = 0;  // agents drawn as points
   // of the far crowd
   std::uint32_t far_agents = 0, far_points = 0;
+  std::uint32_t in_view = 0;  // agents, of whom CullJob::work_size has some
 };
 
 struct AdvanceJob {
@@ -124,6 +126,10 @@ struct CullJob {
   VisibleInstance* visible = nullptr;  // [I], the first V are written
   float* distance_m = nullptr;         // [I]
   DeviceCounters* counters = nullptr;  // [1] visible is written
+  // of a frame that is to take some time; null: none is asked for
+  element::WorkSize* work_size = nullptr;  // [element::kWorkSamples]
+  element::Projection projection;
+  const DeviceCharacter* character = nullptr;
 };
 
 /// The mixed frame's split of who is seen: the list, specks, and those that others stand for.

@@ -17,7 +17,7 @@ cudaError_t launch_advance(const AdvanceJob& job, cudaStream_t stream);
 cudaError_t launch_cull(const CullJob& job, void* scratch, std::size_t scratch_bytes,
                         cudaStream_t stream);
 
-/// Only the mask and its prefix sum.
+/// Only the mask, and the sizes of some agents in it where they are asked for.
 cudaError_t launch_mask(const CullJob& job, void* scratch, std::size_t scratch_bytes,
                         cudaStream_t stream);
 

@@ -234,6 +234,58 @@ std::vector<Scene> mixed_scenes() {
 }
 INSTANTIATE_TEST_SUITE_P(Mixed, CudaOwnFormsTest, testing::ValuesIn(mixed_scenes()), scene_name);
 
+/// A frame that is to take some time: the same error is chosen by the same estimate, from frame to
+/// frame, also where one leap of the camera makes the error of the frame before a wrong one.
+TEST_F(CudaFormsTest, ATimeIsKeptByTheProcessorsError) {
+  const std::vector<Scene> mixed = mixed_scenes();
+  const auto cast = cast_with_forms();
+  Scene scene = mixed[0];
+  scene.agents = 6000;  // more than are looked at
+  const auto crowd = crowd_of(scene, cast);
+  Renderer cpu = Renderer::on_processor(), cuda = Renderer::on_cuda();
+  ASSERT_TRUE(cpu.upload(cast).ok());
+  ASSERT_TRUE(cuda.upload(cast).ok());
+  cuda.on_device = false;
+  struct Step {
+    double budget_ms;
+    std::size_t scene;  // whose camera
+    bool specks;
+  };
+  std::vector<float> errors;
+  for (const Step step : {Step{20.0, 0, true}, Step{20.0, 0, true}, Step{8.0, 0, true},
+                          Step{8.0, 2, true}, Step{9.0, 3, true}, Step{9.0, 3, false},
+                          Step{1e6, 0, true}, Step{0.1, 0, true}, Step{0.0, 0, true}}) {
+    scene.camera = mixed[step.scene].camera;
+    scene.mixed = {};
+    scene.mixed.budget_ms = step.budget_ms;
+    scene.mixed.specks = step.specks;
+    for (Renderer* renderer : {&cpu, &cuda}) {
+      const absl::Status status = generate(*renderer, scene, *crowd, {});
+      ASSERT_TRUE(status.ok()) << status;
+    }
+    const ComputeCounters counted = cpu.backend->counters(*cpu.view);
+    const ComputeCounters counters = cuda.backend->counters(*cuda.view);
+    EXPECT_EQ(counted.error_px, counters.error_px);
+    EXPECT_EQ(counted.work.known, counters.work.known);
+    for (int i = 0; i < FrameWork::kParts; ++i) {
+      EXPECT_EQ(counted.work.part[i], counters.work.part[i]) << i;
+    }
+    EXPECT_EQ(counted.visible, counters.visible);
+    EXPECT_EQ(counted.vertices, counters.vertices);
+    EXPECT_EQ(counted.effective_budget, counters.effective_budget);
+    const FrameGeometry expected = cpu.backend->geometry(*cpu.view);
+    const FrameGeometry read = cuda.backend->geometry(*cuda.view);
+    expect_same_bytes(expected.instances, read.instances, "visible instances");
+    expect_same_bytes(expected.representation, read.representation, "representations");
+    expect_same_bytes<Speck>(specks_of(expected), specks_of(read), "specks");
+    EXPECT_EQ(expected.speck_detail, read.speck_detail);
+    if (step.budget_ms > 0.0) errors.push_back(counters.error_px);
+  }
+  EXPECT_EQ(errors[0], errors[1]);  // nothing changed
+  EXPECT_LT(errors[1], errors[2]);
+  EXPECT_LT(errors[6], errors[7]);
+}
+
 TEST_F(CudaFormsTest, SplatsOfNobodyStandBesideMeshesAndAlone) {
   const Scene scene{.agents = 30};
   Renderer cpu = Renderer::on_processor(), cuda = Renderer::on_cuda();

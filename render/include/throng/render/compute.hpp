@@ -72,8 +72,7 @@ struct Selection {
   LodRule rule = LodRule::kBudget;          // kBudget deals out again what full instances leave
   PoseMode pose_mode = PoseMode::kExact;
   GeometryKind geometry = GeometryKind::kBatched;
-  // what the agents are drawn as; MixedForms::budget_ms is kept to by the cpu backend only
-  FormRule form = FormRule::kMesh;
+  FormRule form = FormRule::kMesh;  // what the agents are drawn as
   MixedForms mixed{};
   // diameter of the points of who is drawn so; as many points as need not be larger
   float point_size_px = 1.25F;
