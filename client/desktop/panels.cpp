@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "client/desktop/viewer.hpp"
 
@@ -186,14 +187,29 @@ void draw_numbers(const Viewer& viewer) {
     row("Skipped by the server", absl::StrCat(message.skipped_frames()));
     row("Left out here", absl::StrCat(numbers.left_out));
     row("Data", absl::StrFormat("%.1f Mbit/s", numbers.mbit_per_s));
-    row("Drawing",
-        in_ms(times.advance_ms() + times.cull_ms() + times.select_ms() + times.allocate_ms() +
-              times.generate_ms() + times.raster_ms() + times.resolve_ms() + times.read_back_ms()));
+    const double drawing_ms = times.advance_ms() + times.cull_ms() + times.select_ms() +
+                              times.allocate_ms() + times.generate_ms() + times.raster_ms() +
+                              times.resolve_ms() + times.read_back_ms();
+    row("Drawing", stats.target_ms() > 0.0
+                       ? absl::StrCat(in_ms(drawing_ms), " of ", in_ms(stats.target_ms()))
+                       : in_ms(drawing_ms));
     row("Encoding", in_ms(times.encode_ms()));
     row("Agents", many(stats.agents()));
     row("In view", many(stats.visible()));
+    row("As meshes", many(stats.as_meshes()));
+    const std::pair<const char*, std::uint32_t> others[] = {{"As small figures", stats.as_specks()},
+                                                            {"As impostors", stats.as_impostors()},
+                                                            {"As points", stats.as_points()},
+                                                            {"Left to others", stats.left_out()}};
+    for (const auto& [name, count] : others) {
+      if (count > 0) row(name, many(count));
+    }
     row("Triangles", many(stats.triangles()));
     row("Vertices", absl::StrCat(many(stats.vertices()), " of ", many(stats.effective_budget())));
+    row("Detail", stats.in_full()           ? "all of it"
+                  : stats.error_px() > 0.0F ? absl::StrFormat("to %.2g px", stats.error_px())
+                                            : "as budgeted");
+    row("Samples a pixel", stats.oversampling() == 2 ? "16" : "4");
     row("Picture", absl::StrCat(message.width_px(), " x ", message.height_px()));
     row("Rasterizer", viewer.rasterizer().substr(0, viewer.rasterizer().find(' ')));
     ImGui::EndTable();
@@ -204,7 +220,7 @@ void draw_numbers(const Viewer& viewer) {
 void draw_card(Viewer& viewer, const Panels& panels) {
   const v1::PickAgentResponse* const agent = viewer.card();
   if (agent == nullptr) return;
-  const float top = panels.numbers ? scaled(420.0F) : edge_px() + bar_px() + 8;
+  const float top = panels.numbers ? scaled(560.0F) : edge_px() + bar_px() + 8;
   ImGui::SetNextWindowPos({edge_px(), top});
   ImGui::SetNextWindowSize({286, 0});
   ImGui::Begin("agent", nullptr, kFixed);

@@ -39,6 +39,25 @@ class FixedController final : public BudgetController {
   std::uint64_t budget_;
 };
 
+/// What a frame would have taken had nobody else used the processors: waiting for them is time that
+/// no coarser picture wins back, unless it is so long that only fewer frames or less work help. So
+/// frames are taken to last as long for their work as the best one of late, and by kWaiting more
+/// where they did.
+class OwnTime {
+ public:
+  double of(const FrameCost& cost) {
+    if (!(cost.work_ms > 0.0) || !(cost.frame_ms > 0.0)) return cost.frame_ms;
+    // one thread alone takes as long as its work; forgotten slowly, as views differ in how much of
+    // them is shared between threads
+    best_ = std::min({best_ * kForgets, cost.frame_ms / cost.work_ms, 1.0});
+    return std::min(cost.frame_ms, kWaiting * best_ * cost.work_ms);
+  }
+
+ private:
+  static constexpr double kForgets = 1.002, kWaiting = 1.5;
+  double best_ = 1.0;  // of a frame's time, for each of its work
+};
+
 /// Leaves it to the backend to choose, of what is in view, what fits into the target by the costs
 /// that it learned. Where the backend does not say what it drew (FrameWork), it solves a simpler
 /// model for the vertices that fit. The budget stays where it is
@@ -53,7 +72,9 @@ class PredictiveController final : public BudgetController {
   std::string_view name() const override { return "predictive"; }
   WorkCost learned() const override { return work_model_.cost(); }
 
-  void record(const FrameCost& cost) override {
+  void record(const FrameCost& measured) override {
+    FrameCost cost = measured;
+    cost.frame_ms = own_time_.of(measured);
     model_.record(cost);
     if (cost.oversampling == 1) work_model_.record(cost);
     oversampling_.record(cost);
@@ -102,6 +123,7 @@ class PredictiveController final : public BudgetController {
   static constexpr double kCalm = 0.04, kLongestStep = 4.0;
 
   ControlSettings settings_;
+  OwnTime own_time_;
   CostModel model_;
   WorkModel work_model_;
   OversamplingChoice oversampling_;

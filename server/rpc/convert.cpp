@@ -293,6 +293,8 @@ void fill_stats(const EncodedFrame& frame, v1::FrameStats& message) {
   message.set_as_specks(drawn_as(render::Representation::kSpeck));
   message.set_target_ms(frame.target_ms);
   message.set_error_px(counters.error_px);
+  message.set_oversampling(frame.oversampling);
+  message.set_in_full(frame.in_full);
 }
 
 void fill_frame(const OutgoingFrame& outgoing, v1::StreamViewResponse& message) {

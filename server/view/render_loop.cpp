@@ -580,7 +580,8 @@ void RenderLoop::State::record(const Recipients& recipients, const render::Frame
                                .farthest_m = stats.counters.farthest_m,
                                .work = stats.counters.work,
                                .error_px = stats.counters.error_px,
-                               .oversampling = oversampling};
+                               .oversampling = oversampling,
+                               .work_ms = stats.work_ms};
   const std::lock_guard lock(mutex);
   for (const auto& [viewer, index] : recipients.viewers) {
     const auto control = controls.find(viewer.get());

@@ -6,6 +6,7 @@
 #include "render/compute/cpu/slabs.hpp"
 #include "render/compute/cpu/speck_table.hpp"
 #include "render/compute/cpu/stages.hpp"
+#include "render/compute/element/forms.hpp"
 #include "render/compute/element/shared_pose.hpp"
 
 namespace throng::render {
@@ -45,13 +46,16 @@ WorkSamples sample(const CpuView& view, const MixedForms& mixed, const Kernels& 
 
 FrameWork work_of(const std::vector<Sample>& samples, std::uint32_t every, const WorkSamples& view,
                   const Selection& selection, float error_px) {
-  const MixedForms& mixed = selection.mixed;
+  MixedForms mixed = selection.mixed;
+  mixed.error_px = error_px;
+  const float speck_error_px = speck_error_of(mixed, view.projection);
   const float pose_error_px = pose_error_of(error_px);
   const float least_px = least_px_of(mixed, error_px);
   double sum[FrameWork::kParts] = {};
   for (const Sample& one : samples) {
-    const std::uint32_t step = ErrorTable::step_of(error_px / (one.px_per_m * one.limit));
-    if (one.may_be_speck && one.height_px * one.limit * mixed.speck_error < error_px &&
+    const float own_error_px = element::near_error_of(mixed, view.projection, one.height_px);
+    const std::uint32_t step = ErrorTable::step_of(own_error_px / (one.px_per_m * one.limit));
+    if (one.may_be_speck && one.height_px * one.limit * mixed.speck_error < speck_error_px &&
         mixed.speck_us + mixed.speck_px2_us * one.height_px * one.height_px <
             mixed.mesh_us +
                 mixed.mesh_vertex_us * static_cast<float>(one.error->vertex_count[step])) {

@@ -3,6 +3,7 @@
 
 #include "render/compute/cpu/kernels.hpp"
 #include "render/compute/cpu/stages.hpp"
+#include "render/compute/element/forms.hpp"
 #include "render/compute/element/shared_pose.hpp"
 
 namespace throng::render {
@@ -48,7 +49,8 @@ void mix_forms(CpuView& view, const Selection& selection, WorkPool& pool) {
       const float px_per_m =
           element::form_px_per_m(view.projection, view.distance_m[v], instance.radius_m, own);
       const float height_px = px_per_m * instance.scale * character.height_m;
-      const std::uint32_t step = ErrorTable::step_of(mixed.error_px / px_per_m);
+      const float error_px = element::near_error_of(mixed, view.projection, height_px);
+      const std::uint32_t step = ErrorTable::step_of(error_px / px_per_m);
       view.share[v] = step;
       view.representation[v] = Representation::kMesh;
       if (instance.slot >= agents) continue;

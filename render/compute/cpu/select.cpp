@@ -119,7 +119,9 @@ void select(CpuView& view, const Selection& asked, Machine machine) {
   selection.mixed.least_px = least_px_of(selection.mixed, selection.mixed.error_px);
   view.speck_detail = 0.5F / slab_px(selection.mixed.error_px);
   if (selection.form == FormRule::kMixed && selection.mixed.specks) {
-    list_mixed(view, selection.mixed, machine.pool, machine.kernels);
+    MixedForms specks = selection.mixed;
+    specks.error_px = speck_error_of(specks, view.projection);
+    list_mixed(view, specks, machine.pool, machine.kernels);
   } else {
     list_visible(view, machine.pool, machine.kernels);
   }

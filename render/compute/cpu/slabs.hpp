@@ -1,7 +1,9 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 
+#include "render/compute/element/selection.hpp"
 #include "throng/render/representation.hpp"
 
 namespace throng::render {
@@ -18,6 +20,15 @@ inline float slab_px(float error_px) {
 inline float least_px_of(const MixedForms& mixed, float error_px) {
   const float least = std::min(mixed.least_px, 2.0F * slab_px(error_px));
   return error_px > 3.0F ? std::max(least, coarse_px(error_px)) : least;
+}
+
+/// What specks may be off by (element::near_error_of): the error of the highest one that keeps to
+/// that, which is where speck_error * height = near_error_px * (near / height)^2.
+inline float speck_error_of(const MixedForms& mixed, const element::Projection& projection) {
+  if (!(mixed.budget_ms > 0.0)) return mixed.error_px;
+  const float near_px2 = 0.01F * projection.viewport_px2;
+  const float height_px = std::cbrt(mixed.near_error_px * near_px2 / mixed.speck_error);
+  return std::min(mixed.error_px, std::max(mixed.near_error_px, mixed.speck_error * height_px));
 }
 
 }  // namespace throng::render

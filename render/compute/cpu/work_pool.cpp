@@ -1,8 +1,23 @@
 #include "render/compute/cpu/work_pool.hpp"
 
+#include <ctime>
 #include <exception>
 
 namespace throng::render {
+namespace {
+
+std::atomic<std::uint64_t> all_worked_ns{0};
+
+std::uint64_t thread_ns() {
+  timespec time{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return 1'000'000'000ULL * static_cast<std::uint64_t>(time.tv_sec) +
+         static_cast<std::uint64_t>(time.tv_nsec);
+}
+
+}  // namespace
+
+std::uint64_t WorkPool::worked_ns() { return all_worked_ns.load(std::memory_order_relaxed); }
 
 WorkPool::WorkPool(unsigned threads) {
   if (threads == 0) threads = std::max(1U, std::thread::hardware_concurrency());
@@ -71,7 +86,7 @@ void WorkPool::run_job(std::size_t chunk_count, Function function, void* context
 }
 
 void WorkPool::work(unsigned worker) {
-  std::uint64_t finished = 0;
+  std::uint64_t finished = 0, counted_ns = thread_ns();
   for (;;) {
     {
       std::unique_lock lock(mutex_);
@@ -80,6 +95,9 @@ void WorkPool::work(unsigned worker) {
       finished = job_;
     }
     take_chunks(worker);
+    const std::uint64_t now_ns = thread_ns();
+    all_worked_ns.fetch_add(now_ns - counted_ns, std::memory_order_relaxed);
+    counted_ns = now_ns;
     bool last = false;
     {
       const std::lock_guard lock(mutex_);

@@ -27,6 +27,9 @@ class WorkPool {
   WorkPool(const WorkPool&) = delete;
   WorkPool& operator=(const WorkPool&) = delete;
 
+  /// Processor time that threads of pools took so far, of all in the process and without callers.
+  static std::uint64_t worked_ns();
+
   unsigned thread_count() const { return static_cast<unsigned>(workers_.size()) + 1; }
 
   /// Calls `body(chunk, worker)` for each chunk in [0, chunk_count), worker in [0, thread_count()).

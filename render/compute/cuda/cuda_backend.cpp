@@ -888,6 +888,7 @@ class CudaBackend final : public ComputeBackend {
     job.cast = cast.device();
     job.rule = {view.projection, view.forward, mixed};
     job.rule.mixed.least_px = least_px_of(mixed, mixed.error_px);
+    job.rule.mixed.error_px = speck_error_of(mixed, view.projection);
     job.moment = instances.moment;
     job.has_images = view.speck_store->has_images();
     job.fate = view.fate.data();

@@ -201,7 +201,8 @@ __global__ void mix_kernel(SelectJob job) {
   const float px_per_m =
       element::form_px_per_m(job.projection, job.distance_m[i], instance.radius_m, own);
   const float height_px = px_per_m * instance.scale * character.height_m;
-  const std::uint32_t step = element::error_step(job.mixed.error_px / px_per_m);
+  const float error_px = element::near_error_of(job.mixed, job.projection, height_px);
+  const std::uint32_t step = element::error_step(error_px / px_per_m);
   job.share[i] = step;
   job.representation[i] = Representation::kMesh;
   if (instance.slot >= job.agents) return;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 
@@ -43,6 +44,19 @@ THRONG_HOST_DEVICE inline float form_px_per_m(const Projection& projection, floa
   const bool nearer = distance_m < radius_m;
   const float d = projection.perspective != 0 ? (nearer ? radius_m : distance_m) : 1.0F;
   return projection.focal_px / d * (0.9F + 0.2F * own);
+}
+
+/// What a figure may be off by where MixedForms::budget_ms chose the error: who is as high as a
+/// tenth of the picture's mean side or more by at most `near_error_px`, whatever the time; less
+/// high ones by more, as the square, so that nothing changes at a line. OURS, by what it costs:
+/// such figures are few, and take the more of a frame for their pixels the higher they are, which
+/// their vertices do not change. So a budget that only they could pay is refused.
+THRONG_HOST_DEVICE inline float near_error_of(const MixedForms& mixed, const Projection& projection,
+                                              float height_px) {
+  if (!(mixed.budget_ms > 0.0)) return mixed.error_px;
+  const float ratio = 0.1F * std::sqrt(projection.viewport_px2) / height_px;
+  const float most_px = mixed.near_error_px * (ratio > 1.0F ? ratio * ratio : 1.0F);
+  return mixed.error_px < most_px ? mixed.error_px : most_px;
 }
 
 /// A mesh, an impostor, or where it is under a pixel one that stands for all or nothing: then

@@ -336,7 +336,8 @@ def test_numbers_are_shown(page):
     page.wait("document.getElementById('stats-rows').textContent.includes('Latency')")
     page.wait("/Latency, median[0-9.]+ ms/.test(document.getElementById('stats-rows').textContent)")
     rows = text(page, "stats-rows")
-    for words in ("Agents30", "Rasterizer", "Frames per second", "Skipped by the server", "Left out here", "of 40 k"):
+    for words in ("Agents30", "Rasterizer", "Frames per second", "Skipped by the server", "Left out here", "of 40 k",
+                  "Detailas budgeted", "Samples a pixel4"):
         assert words in rows
 
 

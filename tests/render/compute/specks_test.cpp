@@ -4,7 +4,9 @@
 #include <glm/glm.hpp>
 
 #include "frame_fixture.hpp"
+#include "render/compute/cpu/slabs.hpp"
 #include "render/compute/cpu/speck_table.hpp"
+#include "render/compute/element/forms.hpp"
 #include "simplify/points/points.hpp"
 #include "support/tiny_character.hpp"
 
@@ -148,6 +150,50 @@ TEST(SpecksTest, ErrorIsChosenSoThatTheFrameTakesItsTime) {
     last_px = counters.error_px;
   }
   EXPECT_FLOAT_EQ(last_px, 32.0F);
+}
+
+TEST(SpecksTest, NoTimeIsTooShortForWhoIsNear) {
+  const auto cast = cast_with_points();
+  std::vector<glm::vec3> places = {{0.0F, 0.0F, 0.0F}};
+  for (int i = 0; i < 200; ++i) places.emplace_back(i - 100.0F, 150.0F + 0.1F * i, 0.0F);
+  const auto crowd = test::standing_crowd(cast, places);
+  test::Stage stage(cast);
+  stage.advance(*crowd, 0);
+  stage.camera.eye_world = {0.0, -4.0, 1.5};
+  const auto vertices_of_nearest = [&](const Selection& selection) {
+    stage.finish(selection);
+    for (const VisibleInstance& instance : stage.geometry().instances) {
+      if (instance.slot == 0) return instance.vertex_count;
+    }
+    return 0U;
+  };
+  Selection hurried = mixed(0.5F);
+  hurried.mixed.budget_ms = 0.1;
+  const std::uint32_t kept = vertices_of_nearest(hurried);
+  EXPECT_FLOAT_EQ(stage.counters().error_px, 32.0F);
+  EXPECT_GT(as(stage.counters(), Representation::kSpeck), 0U);
+  EXPECT_EQ(kept, vertices_of_nearest(mixed(hurried.mixed.near_error_px)));
+  EXPECT_GT(kept, vertices_of_nearest(mixed(32.0F)));
+}
+
+TEST(SpecksTest, ErrorsOfFiguresJoinWithoutAStep) {
+  MixedForms forms = mixed(32.0F).mixed;
+  const element::Projection projection{800.0F, 1280.0F * 720.0F, 1};
+  EXPECT_EQ(element::near_error_of(forms, projection, 500.0F), 32.0F) << "no time was asked for";
+  forms.budget_ms = 10.0;
+  float last = 0.0F;
+  for (float height_px = 700.0F; height_px > 1.0F; height_px *= 0.99F) {
+    const float error_px = element::near_error_of(forms, projection, height_px);
+    EXPECT_GE(error_px, std::max(last, forms.near_error_px));
+    if (last > 0.0F) {
+      EXPECT_LT(error_px, 1.05F * last);
+    }
+    last = error_px;
+  }
+  EXPECT_EQ(last, 32.0F);
+  const float most_px = speck_error_of(forms, projection) / forms.speck_error;
+  EXPECT_NEAR(element::near_error_of(forms, projection, most_px), forms.speck_error * most_px,
+              1e-3F);
 }
 
 }  // namespace

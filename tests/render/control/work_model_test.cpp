@@ -112,6 +112,28 @@ TEST(WorkModelTest, SettlesInThreeFramesWhenTargetOrViewChanges) {
   }
 }
 
+TEST(WorkModelTest, WaitingForOthersIsNotTakenForCost) {
+  const auto controller = predictive();
+  const Machine machine;
+  const auto draw = [&](double waits) {
+    FrameCost cost = machine.draw(controller->next_plan(60.0));
+    cost.work_ms = 1.8 * cost.frame_ms;  // of two threads
+    cost.frame_ms *= waits;
+    controller->record(cost);
+    return cost;
+  };
+  for (int i = 0; i < 20; ++i) draw(1.0);
+  const float quiet_px = draw(1.0).error_px;
+  // somebody else has most of the machine for seconds
+  for (int i = 0; i < 50; ++i) draw(4.0);
+  const float busy_px = draw(4.0).error_px;
+  const auto same = predictive();
+  const Machine slower{.times = 2.0};
+  settling(*same, slower, 60.0, 20);
+  EXPECT_LT(busy_px, slower.draw(same->next_plan(60.0)).error_px);
+  EXPECT_GE(busy_px, quiet_px);
+}
+
 TEST(WorkModelTest, OneLateFrameMovesLittle) {
   const auto controller = predictive();
   const Machine machine;

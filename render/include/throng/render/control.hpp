@@ -44,6 +44,7 @@ struct FrameCost {
   FrameWork work{};
   float error_px = 0.0F;           // chosen for the time, of the picture's pixels; 0: not known
   std::uint32_t oversampling = 1;  // it was drawn with
+  double work_ms = 0;              // processor time in frame_ms, of all threads; 0: not known
 };
 
 /// What a view's next frame is drawn with.

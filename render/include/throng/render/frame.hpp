@@ -23,6 +23,9 @@ struct StageTimes {
 struct FrameStats {
   StageTimes times;
   StageTimes cpu_times;  // of all threads of the process; see FramePipelineOptions
+  // processor time of the drawing threads, which others on the machine add nothing to; 0: not
+  // known, since a device or a driver's threads drew too
+  double work_ms = 0;
   ComputeCounters counters;
   RasterCounters raster;
   std::int64_t scene_time_us = 0;

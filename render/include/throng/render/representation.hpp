@@ -71,6 +71,8 @@ struct MixedForms {
   // specks get fewer slabs, and more of them stand for others (`coarse_px`).
   double budget_ms = 0.0;
   float least_error_px = 0.05F, most_error_px = 32.0F;
+  // with budget_ms, what who is near may be off by at most (near_error_of): no time is won there
+  float near_error_px = 1.5F;
   WorkCost cost{};
 };
 
