@@ -16,8 +16,10 @@ inline void add_far_options(CLI::App& app, render::FarSettings& far) {
          "how much of each is seen)")
       ->default_str("none")
       ->check(CLI::IsMember({"none", "density"}));
-  app.add_option("--far-distance", far.distance_m,
-                 "From where, m (default: where figures are under 16 px)")
+  app.add_option(
+         "--far-distance", far.distance_m,
+         "From where, m (default: where figures are under 16 px; throng-server's controllers come "
+         "nearer for want of time)")
       ->check(CLI::Range(1.0, 1e6));
   app.add_option("--far-points", far.points, "Points of all of them")
       ->capture_default_str()

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "render/control/cost_model.hpp"
+#include "render/control/far_choice.hpp"
 #include "render/control/oversampling.hpp"
 #include "render/control/sfsm.hpp"
 #include "render/control/work_model.hpp"
@@ -78,6 +79,7 @@ class PredictiveController final : public BudgetController {
     model_.record(cost);
     if (cost.oversampling == 1) work_model_.record(cost);
     oversampling_.record(cost);
+    far_.record(cost.error_px);
     knows_work_ = cost.work.known;
   }
 
@@ -92,6 +94,7 @@ class PredictiveController final : public BudgetController {
     plan.budget_ms = target_ms;
     plan.least_error_px = settings_.least_error_px;
     plan.cost = work_model_.cost();
+    plan.far_least_px = far_.least_px();
     plan.oversampling = oversampling_.next(target_ms, plan.cost);
     if (plan.oversampling > 1) {
       plan.cost = oversampling_.cost();
@@ -127,6 +130,7 @@ class PredictiveController final : public BudgetController {
   CostModel model_;
   WorkModel work_model_;
   OversamplingChoice oversampling_;
+  FarChoice far_;
   bool knows_work_ = false;
   double last_target_ms_ = 0.0;
   std::uint64_t budget_;

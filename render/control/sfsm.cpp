@@ -97,6 +97,8 @@ FramePlan SfsmController::next_plan(double target_ms) {
   plan.point_size_px = static_cast<float>(size_px_);
   plan.motion_distance_m = state_ == 0 ? 0.0F : static_cast<float>(std::max(distance_m_, 1e-3));
   plan.motion_k_per_m = settings_.k_per_m;
+  // its d is where far begins, for all that is done to who is far
+  plan.far_distance_m = plan.motion_distance_m;
   return plan;
 }
 

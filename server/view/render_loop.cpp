@@ -410,6 +410,7 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   const bool controlled = is_free && !recipients.viewers.empty() && known == nullptr;
   settings.selection.vertex_budget =
       view.vertex_budget != 0 ? view.vertex_budget : options.default_vertex_budget;
+  settings.far = options.far;
   if (controlled) {
     const render::FramePlan plan = controlled_plan(recipients, now);
     settings.selection.vertex_budget = plan.vertex_budget;
@@ -422,12 +423,15 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
       settings.oversampling = plan.oversampling;
     }
     settings.selection.point_size_px = plan.point_size_px;
+    if (settings.far.enabled && !(options.far.distance_m > 0.0F)) {
+      settings.far.distance_m = plan.far_distance_m;
+      if (plan.far_least_px > 0.0F) settings.far.least_px = plan.far_least_px;
+    }
     next.target_ms = plan.budget_ms;
     const std::lock_guard lock(mutex);
     settings.selection.motion = {plan.motion_distance_m, plan.motion_k_per_m,
                                  counters.rendered_frames};
   }
-  settings.far = options.far;
   if (is_free && !controlled) {
     draw_in_full(options, can_oversample(), settings);
     settings.far.wait = true;

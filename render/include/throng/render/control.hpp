@@ -61,6 +61,9 @@ struct FramePlan {
   float point_size_px = 1.25F;     // then
   float motion_distance_m = 0.0F;  // who is farther is posed less often; 0: all in every frame
   float motion_k_per_m = 0.0F;
+  // Where there is a far crowd that is drawn as one (FarSettings), and the user does not say from
+  // where on: figures under this height are part of it, or who is farther; 0: as the user has it.
+  float far_least_px = 0.0F, far_distance_m = 0.0F;
   int state = 0;  // kSfsm: 0, 1 or 2
 };
 
