@@ -8,6 +8,7 @@
 #include <chrono>
 #include <filesystem>
 #include <mutex>
+#include <new>
 #include <set>
 #include <system_error>
 #include <thread>
@@ -86,7 +87,7 @@ class Runner {
  private:
   void work() {
     for (std::size_t i; (i = next_.fetch_add(1)) < jobs_.size();) {
-      const absl::Status status = bake_one(i);
+      const absl::Status status = bake_within_memory(i);
       const std::lock_guard lock(mutex_);
       progress_[i] = 1.0F;
       report_progress();
@@ -104,6 +105,15 @@ class Runner {
       } else {
         ++summary_.failed;
       }
+    }
+  }
+
+  /// An input that needs more memory than there is must not end the others.
+  absl::Status bake_within_memory(std::size_t index) {
+    try {
+      return bake_one(index);
+    } catch (const std::bad_alloc&) {
+      return absl::ResourceExhaustedError("needs more memory than there is");
     }
   }
 

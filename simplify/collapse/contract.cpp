@@ -4,6 +4,7 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <exception>
 #include <functional>
 #include <limits>
 #include <mutex>
@@ -729,16 +730,25 @@ std::uint32_t contract(std::uint32_t coarsest_count, float size_m, std::uint32_t
       best = std::move(way);
     }
   };
+  // memory that a thread runs out of is the caller's to tell
+  std::exception_ptr failed;
   {
     std::vector<std::jthread> others;
     for (std::uint32_t i = 1; i < std::min(threads, kTries); ++i)
       others.emplace_back([&] {
-        Views own_views = views;
-        try_ways(own_views);
+        try {
+          Views own_views = views;
+          try_ways(own_views);
+        } catch (const std::exception&) {
+          next = kTries;
+          const std::lock_guard lock(mutex);
+          failed = std::current_exception();
+        }
       });
     Views own_views = views;
     try_ways(own_views);
   }
+  if (failed != nullptr) std::rethrow_exception(failed);
   mesh = std::move(best->mesh);
   error_m = best->error_m;
   return fine.toned_count() > 0 ? fine.toned_count() : best->toned_count;

@@ -7,8 +7,11 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <new>
+#include <utility>
 
 #include "simplify/bake/cast_file.hpp"
+#include "simplify/import/made_up.hpp"
 #include "support/data_dir.hpp"
 
 namespace throng::simplify {
@@ -40,7 +43,7 @@ class JobsTest : public ::testing::Test {
 };
 
 TEST_F(JobsTest, BadInputLeavesTheOthersAlone) {
-  const std::string data = test::data_dir();
+  const std::string data = throng::test::data_dir();
   if (data.empty()) GTEST_SKIP() << "no data folder; set THRONG_DATA_DIR";
   std::ofstream(folder_ / "bad.glb") << "glTF?";
   options_.inputs = {(folder_ / "bad.glb").string(), data + "/characters/cesium_man.glb",
@@ -57,7 +60,7 @@ TEST_F(JobsTest, BadInputLeavesTheOthersAlone) {
 }
 
 TEST_F(JobsTest, UnchangedInputIsNotBakedAgain) {
-  const std::string data = test::data_dir();
+  const std::string data = throng::test::data_dir();
   if (data.empty()) GTEST_SKIP() << "no data folder; set THRONG_DATA_DIR";
   options_.inputs = {data + "/characters/simple_skin.gltf"};
   ASSERT_TRUE(run_jobs(options_, summary_).ok());
@@ -79,6 +82,41 @@ TEST_F(JobsTest, UnchangedInputIsNotBakedAgain) {
   JobSummary forced;
   ASSERT_TRUE(run_jobs(options_, forced).ok());
   EXPECT_EQ(forced.baked, 1);
+}
+
+TEST_F(JobsTest, InputThatNeedsTooMuchMemoryLeavesTheOthersAlone) {
+  for (const char* name : {"first", "second"}) {
+    options_.inputs.push_back((folder_ / name).string() + ".glb");
+    test::write_file(options_.inputs.back(), test::bending_post().glb());
+  }
+  bool has_thrown = false;
+  options_.on_progress = [&](float) {
+    if (!std::exchange(has_thrown, true)) throw std::bad_alloc();
+  };
+  ASSERT_TRUE(run_jobs(options_, summary_).ok());
+  EXPECT_EQ(summary_.failed, 1);
+  EXPECT_EQ(summary_.baked, 1);
+  EXPECT_THAT(said_, HasSubstr("first.glb: needs more memory than there is"));
+}
+
+TEST_F(JobsTest, CastFileTellsTheFramesThatLevelsWereMadeIn) {
+  options_.inputs = {(folder_ / "post.glb").string()};
+  test::write_file(options_.inputs[0], test::bending_post().glb());
+  ASSERT_TRUE(run_jobs(options_, summary_).ok());
+  const auto cast = CastFile::open(options_.folder);
+  ASSERT_TRUE(cast.ok()) << cast.status();
+  ASSERT_EQ(cast->entries().size(), 1U);
+  ASSERT_TRUE(cast->entries()[0].pose_frames.has_value());
+  EXPECT_FALSE(cast->entries()[0].pose_frames->empty());
+}
+
+TEST_F(JobsTest, FramesThatAreNoNumbersAreTold) {
+  std::filesystem::create_directories(options_.folder);
+  std::ofstream(folder_ / "cast" / "cast.json")
+      << R"({"throng_cast": 1, "characters": [{"file": "a.throng", "pose_frames": [1, -2]}]})";
+  const auto cast = CastFile::open(options_.folder);
+  EXPECT_EQ(cast.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(cast.status().message()), HasSubstr("pose_frames of -2"));
 }
 
 TEST_F(JobsTest, BrokenCastFileIsNotReplaced) {
