@@ -38,12 +38,33 @@ constexpr float kWayMostS = 1.5F;
 constexpr float kTurnFromMps = 0.04F;
 constexpr float kTurnFullMps = 0.15F;
 constexpr float kFastestTurnRadps = 4.5F;
+// The heading lags behind the motion that it is averaged from; who turns steadily is turned ahead
+// by that. Who hardly goes is not: there the mean is to keep sway out.
+constexpr float kLagOfWay = 0.85F;
+constexpr float kLeadFromMps = 0.4F;
+constexpr float kLeadFullMps = 0.9F;
+// Nor is who turns round or goes round a corner: that is over before it is known.
+constexpr float kSteadyTurnRadps = 0.7F;
+constexpr float kSharpTurnRadps = 1.6F;
 // A heading that is given may turn faster, but nobody turns round between two frames.
 constexpr float kFastestGivenTurnRadps = 9.0F;
 // The rate of turning is averaged over about this long.
 constexpr float kTurnSmoothingS = 0.2F;
 // A heading that the producer gives may point against the motion: such an agent walks backwards.
 constexpr float kBackwardsCosine = -0.5F;
+
+/// Over how long the motion is averaged that decides the heading.
+float way_s(float speed_mps) {
+  return std::clamp(kWayM / std::max(speed_mps, 1e-3F), kWayLeastS, kWayMostS);
+}
+
+/// @param way_mps  the motion that decides the heading: small while it turns round.
+float lead_rad(float turn_radps, const glm::vec2& way_mps) {
+  const float speed_mps = glm::length(way_mps);
+  return turn_radps * kLagOfWay * way_s(speed_mps) *
+         element::smoothstep(kLeadFromMps, kLeadFullMps, speed_mps) *
+         (1.0F - element::smoothstep(kSteadyTurnRadps, kSharpTurnRadps, std::fabs(turn_radps)));
+}
 
 std::size_t size_bytes(const Snapshot& snapshot) {
   const std::size_t slots = snapshot.present.size();
@@ -250,11 +271,17 @@ std::shared_ptr<const Snapshot> Crowd::Derive::snapshot(Crowd& crowd, const Agen
     result->velocity_mps[slot] = velocity_mps;
     result->speed_mps[slot] = speed_mps;
 
-    const float way_s = std::clamp(kWayM / std::max(speed_mps, 1e-3F), kWayLeastS, kWayMostS);
     glm::vec2& way_mps = crowd.way_mps_[slot];
-    way_mps = is_first_motion
-                  ? glm::vec2(velocity_mps)
-                  : way_mps + std::min(1.0F, interval_s / way_s) * (glm::vec2(raw_mps) - way_mps);
+    // of the motion, without the lead; a given heading has none
+    const float turn_before_radps = before->turn_radps[slot];
+    const float base_before_rad =
+        is_given ? heading_before_rad
+                 : element::wrap_angle(heading_before_rad - lead_rad(turn_before_radps, way_mps));
+
+    way_mps = is_first_motion ? glm::vec2(velocity_mps)
+                              : way_mps + std::min(1.0F, interval_s / way_s(speed_mps)) *
+                                              (glm::vec2(raw_mps) - way_mps);
+
     float heading_rad = wrapped_rad;
     if (is_given && before->heading_rad[slot] == before->heading_rad[slot]) {
       const float most_rad = kFastestGivenTurnRadps * interval_s;
@@ -271,22 +298,22 @@ std::shared_ptr<const Snapshot> Crowd::Derive::snapshot(Crowd& crowd, const Agen
       const float gain = element::smoothstep(
           kTurnFromMps, kTurnFullMps, std::sqrt(way_mps.x * way_mps.x + way_mps.y * way_mps.y));
       if (is_first_motion && before->heading_rad[slot] != before->heading_rad[slot]) {
-        heading_rad = gain > 0.0F ? motion_rad : heading_before_rad;
+        heading_rad = gain > 0.0F ? motion_rad : base_before_rad;
       } else {
         const float most_rad = kFastestTurnRadps * interval_s;
-        const float turn_rad = std::clamp(
-            gain * element::wrap_angle(motion_rad - heading_before_rad), -most_rad, most_rad);
-        heading_rad = element::wrap_angle(heading_before_rad + turn_rad);
+        const float turn_rad = std::clamp(gain * element::wrap_angle(motion_rad - base_before_rad),
+                                          -most_rad, most_rad);
+        heading_rad = element::wrap_angle(base_before_rad + turn_rad);
       }
     }
-    result->heading_rad[slot] = heading_rad;
     const float turned_rad = before->heading_rad[slot] == before->heading_rad[slot]
-                                 ? element::wrap_angle(heading_rad - heading_before_rad)
+                                 ? element::wrap_angle(heading_rad - base_before_rad)
                                  : 0.0F;
-    const float turn_before_radps = before->turn_radps[slot];
     const float turn_radps = turn_before_radps + std::min(1.0F, interval_s / kTurnSmoothingS) *
                                                      (turned_rad / interval_s - turn_before_radps);
     result->turn_radps[slot] = turn_radps;
+    result->heading_rad[slot] =
+        is_given ? heading_rad : element::wrap_angle(heading_rad + lead_rad(turn_radps, way_mps));
 
     // steps: the way along the smoothed motion, so that the noise of a standing agent walks nowhere
     double cycles = before->walked_cycles[slot];

@@ -40,4 +40,9 @@ MotionGraph motion_graph_of(const Cast& cast);
 /// clip, in its first frame.
 element::Gait gait_of(const Character& character, const MotionGraph& graph = {});
 
+/// Fills the shifts by which feet stay where they are put on curves (element/stance.hpp), from what
+/// of the mesh is on the ground in each frame of the walk and the run. Takes milliseconds a
+/// character: for what is drawn, not for each snapshot.
+void add_stance_shift(const Character& character, element::Gait& gait);
+
 }  // namespace throng::render

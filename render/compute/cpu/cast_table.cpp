@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "render/compute/element/octahedral.hpp"
+#include "render/compute/element/stance.hpp"
 #include "render/crowd/motion_graph.hpp"
 
 namespace throng::render {
@@ -149,9 +150,11 @@ absl::StatusOr<std::shared_ptr<const CastTable>> make_cast_table(std::shared_ptr
     }
     entry.character = &character;
     entry.gait = gait_of(character, motions);
+    add_stance_shift(character, entry.gait);
     entry.reach_m = 0.0F;
     for (const glm::vec4& bounds : {character.bounds, character.gait_bounds}) {
-      entry.reach_m = std::max(entry.reach_m, glm::length(glm::vec3(bounds)) + bounds.w);
+      entry.reach_m =
+          std::max(entry.reach_m, glm::length(glm::vec3(bounds)) + bounds.w + element::kMostShiftM);
     }
     table->most_joints = std::max(table->most_joints, character.joint_count());
     table->most_vertices = std::max(table->most_vertices, character.vertex_count());

@@ -27,7 +27,7 @@ PlacedInstance place(const CpuInstances& instances, std::size_t slot) {
   const CharacterTable& table = characters[instances.moment.shown.character[slot]];
   placed.state = element::advance_slot(instances.moment, table.gait, slot);
   placed.sphere_m =
-      element::place_sphere(placed.state.placement, placed.state.position_m,
+      element::place_sphere(placed.state.placement, element::drawn_at(placed.state),
                             element::is_acting(placed.state.pose) ? table.character->bounds
                                                                   : table.character->gait_bounds);
   return placed;

@@ -22,7 +22,7 @@ __global__ void advance_kernel(AdvanceJob job) {
   const element::InstanceState state = element::advance_slot(job.moment, character.gait, slot);
   job.state[slot] = state;
   job.sphere_m[slot] = element::place_sphere(
-      state.placement, state.position_m,
+      state.placement, element::drawn_at(state),
       element::is_acting(state.pose) ? character.bounds : character.gait_bounds);
 }
 

@@ -64,6 +64,7 @@ absl::StatusOr<std::shared_ptr<const CudaCast>> CudaCast::upload(std::shared_ptr
     }
     DeviceCharacter& to = characters.emplace_back();
     to.gait = gait_of(from, motions);
+    add_stance_shift(from, to.gait);
     to.bounds = from.bounds;
     to.gait_bounds = from.gait_bounds;
     to.vertex_count = from.vertex_count();

@@ -4,6 +4,7 @@
 
 #include "render/compute/element/instance.hpp"
 #include "render/compute/element/skinning.hpp"
+#include "render/compute/element/stance.hpp"
 
 namespace throng::render::element {
 
@@ -28,6 +29,7 @@ struct SnapshotColumns {
 /// One agent at a scene time.
 struct InstanceState {
   glm::vec3 position_m;  // offset from the crowd's origin
+  glm::vec2 shift_m;     // from there to where it is drawn (stance.hpp)
   float heading_rad;
   Placement placement;
   std::uint32_t character;
@@ -36,10 +38,17 @@ struct InstanceState {
   Pose pose;
 };
 
+/// Where the figure's origin is drawn: all but decisions goes by it.
+THRONG_HOST_DEVICE inline glm::vec3 drawn_at(const InstanceState& state) {
+  return glm::vec3(state.position_m.x + state.shift_m.x, state.position_m.y + state.shift_m.y,
+                   state.position_m.z);
+}
+
 /// A piece of the surroundings.
 THRONG_HOST_DEVICE inline InstanceState standing_still(std::uint32_t character) {
   InstanceState state;
   state.position_m = glm::vec3(0.0F);
+  state.shift_m = glm::vec2(0.0F);
   state.heading_rad = 0.0F;
   state.placement = Placement();
   state.character = character;
@@ -114,8 +123,14 @@ THRONG_HOST_DEVICE inline InstanceState advance_slot(const Bracketed& moment, co
   state.character = shown.character[slot];
   state.seed = shown.seed[slot];
   state.channel = channel_at(moment, slot);
+  const Motion motion = motion_at(moment, slot);
   state.pose = choose_pose(gait, state.seed, sample.speed_mps, sample.turn_radps,
-                           sample.walked_cycles, moment.scene_time_us, motion_at(moment, slot));
+                           sample.walked_cycles, moment.scene_time_us, motion);
+  const StanceShift shift = stance_shift(gait, state.seed, sample, state.placement,
+                                         moving_share(gait, mix_actions(gait, motion)));
+  state.shift_m = shift.shift_m;
+  state.heading_rad = sample.heading_rad + shift.turn_rad;
+  state.placement = turned(state.placement, shift.turn_rad);
   return state;
 }
 

@@ -24,6 +24,9 @@ struct Action {
 
 inline constexpr std::uint32_t kMostActions = 16;
 
+/// Phases at which a clip's stance shift is known.
+inline constexpr std::uint32_t kShiftPhases = 32;
+
 struct Gait {
   ClipRange idle, walk, run;
   ClipRange turn;                // steps on the spot that turn to the left; to the right backwards
@@ -33,6 +36,10 @@ struct Gait {
   float run_stride_m = 2.6F;
   float walk_speed_mps = 1.35F;  // at which the clip was made
   float run_speed_mps = 3.2F;
+  // Where the body is on a path of curvature 1/m, by phase, at scale 1: forward and left of it in
+  // m^2, and turned to the left in m (stance.hpp). None: on the path and along it.
+  glm::vec3 walk_shift[kShiftPhases] = {};
+  glm::vec3 run_shift[kShiftPhases] = {};
 };
 
 /// How much of each clip a speed asks for; they sum to 1 and one of idle and run is 0.

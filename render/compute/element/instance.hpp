@@ -119,6 +119,10 @@ THRONG_HOST_DEVICE inline Sample interpolate(const Sample& older, const Sample& 
   const float t = between.t;
   result.position_m = interpolate_position(older.position_m, newer.position_m, between);
   result.heading_rad = lerp_angle(older_heading_rad, newer_heading_rad, t);
+  for (int k = 0; k < 2; ++k) {
+    result.velocity_mps[k] =
+        fused(t, newer.velocity_mps[k] - older.velocity_mps[k], older.velocity_mps[k]);
+  }
   result.speed_mps = fused(t, newer.speed_mps - older.speed_mps, older.speed_mps);
   result.turn_radps = fused(t, newer.turn_radps - older.turn_radps, older.turn_radps);
   result.walked_cycles =

@@ -136,6 +136,31 @@ THRONG_HOST_DEVICE inline std::uint32_t known_action(const Gait& gait, std::uint
                                                                                           : 0;
 }
 
+/// The actions that are in a moment, and how much of the older one is left.
+struct ActionMix {
+  std::uint32_t now = 0, before = 0;
+  float old = 0.0F;
+};
+
+THRONG_HOST_DEVICE inline ActionMix mix_actions(const Gait& gait, const Motion& motion) {
+  ActionMix mix;
+  mix.now = known_action(gait, motion.now);
+  mix.before = known_action(gait, motion.before);
+  if (mix.now != mix.before) {
+    const float now_s = mix.now != 0 ? gait.action[mix.now - 1].blend_s : 0.0F;
+    const float before_s = mix.before != 0 ? gait.action[mix.before - 1].blend_s : 0.0F;
+    mix.old = 1.0F - smoothstep(0.0F, now_s > before_s ? now_s : before_s, motion.age_s);
+  }
+  return mix;
+}
+
+/// How much of a moment goes by the agent's speed: all of it but for whole actions.
+THRONG_HOST_DEVICE inline float moving_share(const Gait& gait, const ActionMix& mix) {
+  const bool is_now_whole = mix.now != 0 && gait.action[mix.now - 1].is_whole != 0;
+  const bool is_before_whole = mix.before != 0 && gait.action[mix.before - 1].is_whole != 0;
+  return (is_now_whole ? 0.0F : 1.0F - mix.old) + (is_before_whole ? 0.0F : mix.old);
+}
+
 /// The pose of an agent: a pure function of its speed, walked cycles, seed, what it was told and
 /// the scene time.
 ///
@@ -145,14 +170,9 @@ THRONG_HOST_DEVICE inline std::uint32_t known_action(const Gait& gait, std::uint
 THRONG_HOST_DEVICE inline Pose choose_pose(const Gait& gait, std::uint32_t seed, float speed_mps,
                                            float turn_radps, double walked_cycles,
                                            std::int64_t scene_time_us, const Motion& motion = {}) {
-  const std::uint32_t now = known_action(gait, motion.now);
-  const std::uint32_t before = known_action(gait, motion.before);
-  float old = 0.0F;
-  if (now != before) {
-    const float now_s = now != 0 ? gait.action[now - 1].blend_s : 0.0F;
-    const float before_s = before != 0 ? gait.action[before - 1].blend_s : 0.0F;
-    old = 1.0F - smoothstep(0.0F, now_s > before_s ? now_s : before_s, motion.age_s);
-  }
+  const ActionMix mix = mix_actions(gait, motion);
+  const std::uint32_t now = mix.now, before = mix.before;
+  const float old = mix.old;
   if (now == 0 && !(old > 0.0F)) {
     return choose_gait_pose(gait, seed, speed_mps, turn_radps, walked_cycles, scene_time_us);
   }
@@ -162,8 +182,7 @@ THRONG_HOST_DEVICE inline Pose choose_pose(const Gait& gait, std::uint32_t seed,
   if (walk.frame_count == 0) weights = {1.0F, 0.0F, 0.0F};
   const bool is_now_whole = now != 0 && gait.action[now - 1].is_whole != 0;
   const bool is_before_whole = before != 0 && gait.action[before - 1].is_whole != 0;
-  const float moving =
-      (is_now_whole ? 0.0F : 1.0F - old) + (is_before_whole ? 0.0F : old);  // not wholly acting
+  const float moving = moving_share(gait, mix);
   const float now_share = (1.0F - old) * (is_now_whole ? 1.0F : weights.idle);
   const float before_share = old * (is_before_whole ? 1.0F : weights.idle);
   float standing = (now == 0 ? now_share : 0.0F) + (before == 0 ? before_share : 0.0F);

@@ -48,8 +48,8 @@ THRONG_HOST_DEVICE inline VisibleInstance make_visible(const InstanceState& stat
                                                        std::uint32_t slot,
                                                        const glm::dvec3& eye_offset_m) {
   VisibleInstance visible;
-  visible.position_relative =
-      relative(state.position_m.x, state.position_m.y, state.position_m.z, eye_offset_m);
+  const glm::vec3 drawn_m = drawn_at(state);
+  visible.position_relative = relative(drawn_m.x, drawn_m.y, drawn_m.z, eye_offset_m);
   visible.heading_rad = state.heading_rad;
   visible.slot = slot;
   visible.character = state.character;

@@ -100,6 +100,43 @@ TEST(DeriveTest, WalkerRoundACornerTurnsWithinAMetre) {
   }
 }
 
+TEST(DeriveTest, HeadingHardlyLagsOnACircle) {
+  for (const double rate_hz : {5.0, 10.0, 25.0}) {
+    const double turn_radps = 1.3 / 3.0;
+    const auto snapshots = sampled(rate_hz, 6.0, [&](double t) {
+      return glm::vec3(3.0 * std::sin(turn_radps * t), 3.0 - 3.0 * std::cos(turn_radps * t), 0.0);
+    });
+    for (auto i = static_cast<std::size_t>(3.0 * rate_hz); i < snapshots.size(); ++i) {
+      const auto along_rad = static_cast<float>(turn_radps * static_cast<double>(i) / rate_hz);
+      // the mean of the motion itself is 0.11 behind
+      EXPECT_LT(turn_between(snapshots[i]->heading_rad[0], along_rad), 0.03F) << rate_hz;
+    }
+  }
+}
+
+TEST(DeriveTest, WalkerRoundACornerHardlyTurnsTooFar) {
+  for (const double rate_hz : {5.0, 10.0, 25.0}) {
+    const auto snapshots = sampled(rate_hz, 5.0, [](double t) {
+      return t < 2.0 ? glm::vec3(1.3 * t, 0.0, 0.0) : glm::vec3(2.6, 1.3 * (t - 2.0), 0.0);
+    });
+    for (std::size_t i = 1; i < snapshots.size(); ++i) {
+      EXPECT_LT(snapshots[i]->heading_rad[0], 1.5708F + 0.25F) << rate_hz;
+    }
+    EXPECT_NEAR(snapshots.back()->heading_rad[0], 1.5708F, 0.02F);
+  }
+}
+
+TEST(DeriveTest, WalkerWhoSwaysHardlyTurns) {
+  // 2 cm to either side once a second at 1.3 m/s: the motion itself turns by 0.1
+  const auto snapshots = sampled(25.0, 12.0, [](double t) {
+    return glm::vec3(1.3 * t, 0.02 * std::sin(2.0 * std::numbers::pi * t), 0.0);
+  });
+  float most_rad = 0.0F;
+  for (std::size_t i = 75; i < snapshots.size(); ++i)
+    most_rad = std::max(most_rad, std::fabs(snapshots[i]->heading_rad[0]));
+  EXPECT_LT(most_rad, 0.1F);
+}
+
 TEST(DeriveTest, AgentThatTurnsRoundDoesNotFlip) {
   const auto snapshots =
       sampled(25.0, 6.0, [](double t) { return glm::vec3(t < 3.0 ? t : 6.0 - t, 0.0, 0.0); });
