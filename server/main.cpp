@@ -173,6 +173,7 @@ void add_web(CLI::App& app, throng::server::WebOptions& web) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  throng::render::prepare_gpu();
   ServerOptions options;
   options.version = THRONG_VERSION;
   throng::server::WebOptions web;

@@ -19,6 +19,8 @@ function(throng_add_test name)
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/tests)
   add_test(NAME ${name} COMMAND ${name}
     --gtest_output=json:${PROJECT_BINARY_DIR}/test-results/${name}.json)
+  # as render::prepare_gpu does for programs
+  set_tests_properties(${name} PROPERTIES ENVIRONMENT CUDA_MODULE_LOADING=EAGER)
   if(arg_LEAF)
     set_tests_properties(${name} PROPERTIES LABELS leaf)
     add_dependencies(throng_leaf_tests ${name})

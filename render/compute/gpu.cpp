@@ -1,6 +1,8 @@
 #include "throng/render/gpu.hpp"
 
 #if THRONG_WITH_CUDA
+#include <cstdlib>
+
 #include "render/compute/cuda/device.hpp"
 #include "render/compute/cuda/memory.hpp"
 #endif
@@ -8,6 +10,8 @@
 namespace throng::render {
 
 #if THRONG_WITH_CUDA
+void prepare_gpu() { setenv("CUDA_MODULE_LOADING", "EAGER", /*overwrite=*/0); }
+
 absl::Status choose_gpu(const std::string& index_or_uuid) {
   return cuda::choose_device(index_or_uuid);
 }
@@ -20,6 +24,8 @@ std::uint64_t gpu_memory_held() { return cuda::device_memory_held(); }
 
 std::string gpu_key() { return cuda::device_key(); }
 #else
+void prepare_gpu() {}
+
 absl::Status choose_gpu(const std::string& index_or_uuid) {
   if (index_or_uuid.empty()) return absl::OkStatus();
   return absl::UnavailableError("choose_gpu: cuda is not built into this program");

@@ -102,6 +102,7 @@ void show_progress(std::uint32_t done, std::uint32_t total, const std::string& p
 }  // namespace
 
 int main(int argc, char** argv) {
+  throng::render::prepare_gpu();
   CLI::App app{"Turns a trajectory file into pictures of a walking crowd.", "throng-render"};
   app.footer(
       absl::StrCat(kOutputs, throng::client::CameraScript::kFileHelp.data(), "\n\n", kFooter));

@@ -870,7 +870,8 @@ class CudaBackend final : public ComputeBackend {
   absl::Status prepare_split(CudaView& view, const MixedForms& mixed) {
     const CudaCast& cast = *view.instances->cast;
     {
-      const std::lock_guard lock(mutex_);
+      // of its own: making them takes a while, in which others go on with snapshots
+      const std::lock_guard lock(specks_mutex_);
       if (specks_ == nullptr || specks_->cast() != cast.cast().get()) {
         auto made = SpeckStore::make(cast.cast(), specks_.get(), stream_);
         if (!made.ok()) return made.status();
@@ -950,7 +951,7 @@ class CudaBackend final : public ComputeBackend {
           absl::StrCat(kCall, ": ", far->most_points, " points, at most ", kMostSplats));
     }
     {
-      const std::lock_guard lock(mutex_);
+      const std::lock_guard lock(far_mutex_);
       auto shape = far_store_.shape(*far, stream_);
       if (!shape.ok()) return shape.status();
       auto agents = far_store_.agents(*far, stream_);
@@ -1240,10 +1241,12 @@ class CudaBackend final : public ComputeBackend {
   std::mutex mutex_;  // guards what follows
   std::shared_ptr<const CudaCast> cast_;
   std::shared_ptr<const DeviceRoster> roster_;
-  std::shared_ptr<const SpeckStore> specks_;  // of the cast that was last asked for
-  FarStore far_store_;
   std::array<Staging, 3> staging_;
   std::size_t next_staging_ = 0;
+  std::mutex specks_mutex_;
+  std::shared_ptr<const SpeckStore> specks_;  // of the cast that was last asked for
+  std::mutex far_mutex_;
+  FarStore far_store_;
 };
 
 }  // namespace

@@ -7,7 +7,6 @@
 #include <cuda_runtime_api.h>
 
 #include <atomic>
-#include <cstdlib>
 #include <limits>
 #include <utility>
 
@@ -74,10 +73,6 @@ std::string uuid_of(const cudaDeviceProp& properties) {
 }
 
 absl::StatusOr<int> device_count(const char* call) {
-  // kernels that are loaded when they are first used may be so while a graph is recorded, which is
-  // no time for it
-  static const bool is_set = setenv("CUDA_MODULE_LOADING", "EAGER", /*overwrite=*/0) == 0;
-  (void)is_set;
   int devices = 0;
   cudaError_t error = cudaGetDeviceCount(&devices);
   if (error == cudaSuccess && devices == 0) error = cudaErrorNoDevice;

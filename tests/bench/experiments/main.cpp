@@ -10,6 +10,7 @@
 #include "bench/experiments/options.hpp"
 #include "bench/experiments/report.hpp"
 #include "bench/experiments/walkthrough.hpp"
+#include "throng/render/gpu.hpp"
 
 namespace throng::bench {
 namespace {
@@ -456,4 +457,7 @@ int run(int argc, char** argv) {
 }  // namespace
 }  // namespace throng::bench
 
-int main(int argc, char** argv) { return throng::bench::run(argc, argv); }
+int main(int argc, char** argv) {
+  throng::render::prepare_gpu();
+  return throng::bench::run(argc, argv);
+}

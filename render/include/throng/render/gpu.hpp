@@ -8,6 +8,11 @@
 
 namespace throng::render {
 
+/// Tells the CUDA runtime by its environment to load all kernels at once: one that is loaded when
+/// it is first used may be so while a graph is recorded, which is no time for it. For `main`, as
+/// long as there is one thread; what the environment says already stays.
+void prepare_gpu();
+
 /// Which CUDA device backends and rasterizers made from now on take: an index as CUDA counts
 /// (CUDA_VISIBLE_DEVICES renumbers), or a UUID as `nvidia-smi -L` shows it or its beginning. Empty:
 /// the first. Unavailable without a device, NotFound with those there are.
