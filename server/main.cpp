@@ -323,17 +323,13 @@ int main(int argc, char** argv) {
   pipeline.raster = raster_kind(raster);
   pipeline.backend =
       compute == "cuda" ? throng::render::BackendKind::kCuda : throng::render::BackendKind::kCpu;
-  if (options.far.enabled && compute == "cuda") {
-    return fail(kUsage, "--far: density is computed by the processor only, not by --compute cuda");
-  }
-  if (compute == "auto" && !options.far.enabled) {
+  if (compute == "auto") {
     std::string why;
     pipeline.backend = throng::render::best_backend(why);
     if (pipeline.backend == throng::render::BackendKind::kCuda) {
       spdlog::info("event=compute chosen=cuda why=\"{}\"", why);
     } else {
-      spdlog::info("event=compute chosen=cpu why=\"no CUDA device: drawing on the processor\"");
-      spdlog::debug("event=no_cuda why=\"{}\"", why);
+      spdlog::info("event=compute chosen=cpu why=\"{}\"", why);
     }
   }
 

@@ -3,6 +3,7 @@
 #include <array>
 #include <chrono>
 #include <ctime>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -123,7 +124,8 @@ struct FramePipeline::State {
   std::unique_ptr<FarCrowd> far;  // made when it is first asked for
   std::vector<Splat> splats;      // of a frame with a far crowd
   std::vector<Speck> far_shadows;
-  Picture large;  // of a frame that is oversampled
+  Picture large;                    // of a frame that is oversampled
+  std::optional<double> before_ms;  // of the frame before, up to `allocate`, if it was left there
   std::unique_ptr<WorkPool> pool;
 
   // Environments whose pieces follow the characters in the uploaded cast.
@@ -396,6 +398,14 @@ absl::Status FramePipeline::render(const Crowd& crowd, std::int64_t scene_time_u
   if (compute.kind != BackendKind::kCpu || !state.rasterizer->takes_fused() ||
       state.rasterizer->takes_device()) {
     stats.work_ms = 0.0;  // a driver's threads or a device worked too
+  }
+  const DeviceTimes& device = stats.counters.device;
+  const std::optional<double> before_ms = std::exchange(state.before_ms, std::nullopt);
+  if (picture.on_device != nullptr) {
+    if (before_ms.has_value() && stats.raster.device_ms > 0.0) {
+      stats.device_before_ms = *before_ms + device.generate_ms + stats.raster.device_ms;
+    }
+    state.before_ms = device.cull_ms + device.select_ms + device.allocate_ms;
   }
   if (passes == nullptr) return status;
   if (absl::Status left = state.rasterizer->keep_facts(nullptr); !left.ok()) return left;

@@ -292,13 +292,8 @@ int main(int argc, char** argv) {
     }
   }
   std::string why;
-  // other forms than meshes are drawn by the processor only
-  if (compute == "cuda" && job.far.enabled) {
-    return usage("--far: density is computed by the processor only, not by --compute cuda");
-  }
-  if (compute == "cuda" ||
-      (compute == "auto" && form == "mesh" && !job.far.enabled &&
-       throng::render::best_backend(why) == throng::render::BackendKind::kCuda)) {
+  if (compute == "cuda" || (compute == "auto" && throng::render::best_backend(why) ==
+                                                     throng::render::BackendKind::kCuda)) {
     job.pipeline.backend = throng::render::BackendKind::kCuda;
   }
   job.walls = !no_walls;

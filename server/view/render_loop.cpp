@@ -105,6 +105,9 @@ void draw_in_full(const RenderLoopOptions& options, bool can_oversample,
   settings.oversampling = can_oversample ? 2 : 1;
 }
 
+/// What a frame took. Of a picture that is still being drawn it is the time without the drawing.
+render::FrameCost cost_of(const render::FrameStats& stats, std::uint32_t oversampling);
+
 }  // namespace
 
 struct RenderLoop::State {
@@ -122,8 +125,7 @@ struct RenderLoop::State {
   std::shared_ptr<Shown> find_shown(const FrameKey& key, const Recipients& recipients) const;
   void remember(const Recipients& recipients, const std::shared_ptr<Shown>& entry);
   bool can_oversample() const;
-  void record(const Recipients& recipients, const render::FrameStats& stats,
-              std::uint32_t oversampling);
+  void record(const Viewer& viewer, const render::FrameCost& cost);
 
   const RenderLoopOptions options;
 
@@ -146,6 +148,13 @@ struct RenderLoop::State {
   std::unordered_map<const Viewer*, std::shared_ptr<Shown>> shown_last;
   double still_ms = 0.0;  // what the last picture without hurry took
   RenderLoopCounters counters;
+
+  /// The render thread's: a frame whose time its device tells with the next one.
+  struct LeftOnDevice {
+    std::vector<std::weak_ptr<const Viewer>> viewers;
+    render::FrameCost cost;
+  };
+  std::optional<LeftOnDevice> left_on_device;
 
   std::thread renderer, encoder;
 };
@@ -444,6 +453,7 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   settings.look.channel_high = view.channel_high;
   next.frame = std::make_shared<EncodedFrame>();
   next.picture.may_stay = true;  // the encoder takes it from there
+  std::optional<LeftOnDevice> before = std::exchange(left_on_device, std::nullopt);
   const absl::Status status =
       renderer.render(*moment.crowd, scene_time_us, settings, next.picture, next.frame->stats);
   if (!status.ok()) {
@@ -459,7 +469,24 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
     }
     return;
   }
-  if (controlled) record(recipients, next.frame->stats, settings.oversampling);
+  if (before.has_value() && next.frame->stats.device_before_ms > 0.0) {
+    before->cost.frame_ms = std::max(before->cost.frame_ms, next.frame->stats.device_before_ms);
+    for (const auto& viewer : before->viewers) {
+      if (const auto there = viewer.lock()) record(*there, before->cost);
+    }
+  }
+  if (controlled) {
+    const render::FrameCost cost = cost_of(next.frame->stats, settings.oversampling);
+    const bool is_left = next.picture.on_device != nullptr;
+    if (is_left) left_on_device = {{}, cost};
+    for (const auto& [viewer, index] : recipients.viewers) {
+      if (is_left) {
+        left_on_device->viewers.emplace_back(viewer);
+      } else {
+        record(*viewer, cost);
+      }
+    }
+  }
   next.frame->viewport = view.viewport;
   next.frame->camera = settings.camera;
   next.frame->overview = overview;
@@ -573,26 +600,27 @@ render::FramePlan RenderLoop::State::controlled_plan(const Recipients& recipient
   return first->second.controller->next_plan(target_ms(now));
 }
 
-void RenderLoop::State::record(const Recipients& recipients, const render::FrameStats& stats,
-                               std::uint32_t oversampling) {
+namespace {
+render::FrameCost cost_of(const render::FrameStats& stats, std::uint32_t oversampling) {
   const render::StageTimes& times = stats.times;
-  const render::FrameCost cost{.frame_ms = times.advance_ms + times.cull_ms + times.select_ms +
-                                           times.allocate_ms + times.generate_ms + times.raster_ms +
-                                           times.resolve_ms + times.read_back_ms,
-                               .visible = stats.counters.visible,
-                               .vertices = stats.counters.vertices,
-                               .farthest_m = stats.counters.farthest_m,
-                               .work = stats.counters.work,
-                               .error_px = stats.counters.error_px,
-                               .oversampling = oversampling,
-                               .work_ms = stats.work_ms};
+  return {.frame_ms = times.advance_ms + times.cull_ms + times.select_ms + times.allocate_ms +
+                      times.generate_ms + times.raster_ms + times.resolve_ms + times.read_back_ms,
+          .visible = stats.counters.visible,
+          .vertices = stats.counters.vertices,
+          .farthest_m = stats.counters.farthest_m,
+          .work = stats.counters.work,
+          .error_px = stats.counters.error_px,
+          .oversampling = oversampling,
+          .work_ms = stats.work_ms};
+}
+}  // namespace
+
+void RenderLoop::State::record(const Viewer& viewer, const render::FrameCost& cost) {
   const std::lock_guard lock(mutex);
-  for (const auto& [viewer, index] : recipients.viewers) {
-    const auto control = controls.find(viewer.get());
-    if (control == controls.end()) continue;
-    control->second.controller->record(cost);
-    learned = control->second.controller->learned();
-  }
+  const auto control = controls.find(&viewer);
+  if (control == controls.end()) return;
+  control->second.controller->record(cost);
+  learned = control->second.controller->learned();
 }
 
 namespace {

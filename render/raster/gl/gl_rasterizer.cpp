@@ -527,8 +527,9 @@ class GlRasterizer final : public Rasterizer {
         !status.ok()) {
       return status;
     }
-    listed_ = {static_cast<std::uint32_t*>(figures_.data()),
-               static_cast<std::uint32_t*>(figures_.data()) + kCells, -1e9F};
+    // lists are read as they are made, which mapped memory is slow at, so they are made aside
+    figure_lists_.resize(kCells + shades_.size());
+    listed_ = {figure_lists_.data(), figure_lists_.data() + kCells, -1e9F};
     std::fill_n(listed_.first, kCells, element::FigureCells::kNobody);
     for (std::size_t i = 0; i < shades_.size() && shades_surroundings_; ++i) {
       if (shades_[i].cast_shadow == kNoBlob) continue;
@@ -537,6 +538,8 @@ class GlRasterizer final : public Rasterizer {
       }
       element::list_figure(listed_, shades_[i], static_cast<std::uint32_t>(i));
     }
+    const std::size_t values = shades_surroundings_ ? figure_lists_.size() : kCells;
+    std::memcpy(figures_.data(), figure_lists_.data(), values * sizeof(std::uint32_t));
     return absl::OkStatus();
   }
 
@@ -758,6 +761,7 @@ class GlRasterizer final : public Rasterizer {
   GLuint agents_ = 0, blobs_ = 0, cast_shadows_ = 0, floors_ = 0, background_ = 0;
   MappedBuffer figures_;  // element::FigureCells
   element::FigureCells listed_;
+  std::vector<std::uint32_t> figure_lists_;
   bool shades_surroundings_ = false;
   GLuint mesh_array_ = 0, empty_array_ = 0, uniforms_ = 0, base_color_ = 0, tint_mask_ = 0;
   MappedBuffer vertices_, indices_, instances_, tones_, tone_shifts_;

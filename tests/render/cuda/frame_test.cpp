@@ -352,12 +352,29 @@ TEST_F(CudaFaultTest, MakesItsGraphsAnewOnlyWhereTheyHaveOtherNodes) {
 }
 
 TEST_F(CudaFaultTest, TellsWhatIsMissing) {
-  faults.devices = cudaErrorNoDevice;
+  struct Case {
+    cudaError_t devices;
+    int driver;
+    const char* remedy;
+  };
+  for (const Case& one : {Case{cudaErrorNoDevice, 13000, "nvidia-smi"},
+                          Case{cudaErrorInsufficientDriver, 0, "there is no driver"},
+                          Case{cudaErrorInsufficientDriver, 12040, "update it"}}) {
+    faults = {.devices = one.devices, .driver = one.driver};
+    const auto backend = make_cuda_backend();
+    EXPECT_EQ(backend.status().code(), absl::StatusCode::kUnavailable);
+    const auto rasterizer = visibility::make_cuda_rasterizer();
+    EXPECT_EQ(rasterizer.status().code(), absl::StatusCode::kUnavailable);
+    for (const absl::Status& status : {backend.status(), rasterizer.status()}) {
+      EXPECT_NE(status.message().find(one.remedy), std::string::npos) << status;
+    }
+  }
+  // built for other devices: the first kernel tells
+  faults = {.launch = cudaErrorNoKernelImageForDevice};
   const auto backend = make_cuda_backend();
   EXPECT_EQ(backend.status().code(), absl::StatusCode::kUnavailable);
-  const auto rasterizer = visibility::make_cuda_rasterizer();
-  EXPECT_EQ(rasterizer.status().code(), absl::StatusCode::kUnavailable);
-  EXPECT_NE(rasterizer.status().message().find("nvidia-smi"), std::string::npos);
+  EXPECT_NE(backend.status().message().find("CMAKE_CUDA_ARCHITECTURES"), std::string::npos)
+      << backend.status();
 }
 
 TEST_F(CudaFaultTest, RunsOutOfMemoryWithoutLosingTheRest) {
@@ -401,6 +418,7 @@ TEST_F(CudaFaultTest, TellsOfAKernelThatWentWrong) {
     faults.wait = error;
     const absl::Status status = draw(cuda, cuda.backend->geometry(*cuda.view), scene, picture);
     EXPECT_EQ(status.code(), absl::StatusCode::kInternal) << status;
+    EXPECT_NE(status.message().find("must be restarted"), std::string::npos) << status;
   }
   faults = {};
   faults.launch = cudaErrorLaunchFailure;

@@ -7,8 +7,11 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "server/view/frame_renderer.hpp"
+#include "throng/render/device_picture.hpp"
 
 namespace throng::test {
 
@@ -18,6 +21,7 @@ struct PainterLog {
   std::atomic<bool> fails{false};
   std::atomic<double> raster_ms{0.0};       // what it says a picture took,
   std::atomic<double> ms_per_million{0.0};  // and beside that for the vertices of its budget
+  std::atomic<bool> on_device{false};       // where the picture stays; what it took is told late
   std::atomic<bool> fails_in_full{false};   // to draw without a time
   std::string compute = "none";             // what it says it computes with
   std::mutex mutex;
@@ -67,6 +71,11 @@ class Painter final : public server::FrameRenderer {
     stats.times.raster_ms =
         log_->raster_ms.load() +
         log_->ms_per_million.load() * 1e-6 * static_cast<double>(settings.selection.vertex_budget);
+    if (log_->on_device.load()) {
+      picture.on_device = std::make_shared<LeftThere>(std::move(picture.rgbx));
+      stats.device_before_ms = std::exchange(before_ms_, stats.times.raster_ms);
+      stats.times.raster_ms = 0.5;
+    }
     stats.counters.vertices = settings.selection.vertex_budget;
     if (const auto newest = crowd.newest()) stats.counters.agents = newest->present_count;
     return absl::OkStatus();
@@ -75,7 +84,21 @@ class Painter final : public server::FrameRenderer {
   std::string raster_name() const override { return "painter"; }
 
  private:
+  /// A picture on a device that does not encode.
+  struct LeftThere final : render::DevicePicture {
+    explicit LeftThere(std::vector<std::uint8_t> rgbx) : pixels(std::move(rgbx)) {}
+    absl::Status fetch(std::vector<std::uint8_t>& rgbx) override {
+      rgbx = pixels;
+      return absl::OkStatus();
+    }
+    absl::Status encode_jpeg(int, std::vector<std::uint8_t>&) override {
+      return absl::UnimplementedError("no encoder");
+    }
+    const std::vector<std::uint8_t> pixels;
+  };
+
   std::shared_ptr<PainterLog> log_;
+  double before_ms_ = 0.0;
 };
 
 inline server::MakeRenderer painter(std::shared_ptr<PainterLog> log) {

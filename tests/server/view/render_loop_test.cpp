@@ -197,6 +197,30 @@ TEST_F(RenderLoopTest, SlowFramesCostDetailOfViewsThatAskForNoBudget) {
   loop_.reset();
 }
 
+TEST_F(RenderLoopTest, WhatADeviceTellsLateIsOfTheFrameBefore) {
+  RenderLoopOptions options;
+  options.target_ms = 10.0;
+  options.default_vertex_budget = 1'000'000;
+  log_->on_device = true;
+  log_->raster_ms = 100.0;  // of which nobody waits for more than half a millisecond
+  loop_ = *RenderLoop::start(test::painter(log_), options);
+  Client client(request_of(0.0));
+  client.loop = loop_.get();
+  loop_->add(client.viewer);
+  const auto budget_from = [&](double red) {
+    client.viewer->set_request(request_of(red));
+    loop_->wake();
+    EXPECT_TRUE(client.wait([&] {
+      return !client.frames.empty() && client.frames.back().frame->camera.eye_world.x == red;
+    }));
+    return client.hurried().vertex_budget;
+  };
+  EXPECT_EQ(budget_from(0.0), 1'000'000U);
+  budget_from(1.0);  // in which the first one's time is told
+  EXPECT_LT(budget_from(2.0), 1'000'000U);
+  loop_.reset();
+}
+
 TEST_F(RenderLoopTest, TwoViewsShareTheTimeThatOneHad) {
   RenderLoopOptions options;
   options.target_ms = 10.0;

@@ -65,6 +65,7 @@ namespace throng::test::cuda_on_host {
 struct Faults {
   cudaError_t devices = cudaSuccess;  // of cudaGetDeviceCount
   cudaError_t launch = cudaSuccess;   // of the next cudaGetLastError, as after a bad launch
+  int driver = 0;                     // version, where there are no devices
   cudaError_t wait = cudaSuccess;     // of cudaStreamSynchronize: a kernel that went wrong
   std::size_t most_bytes = SIZE_MAX;  // of one allocation
 };
@@ -451,7 +452,8 @@ inline cudaError_t cudaEventElapsedTime(float* ms, cudaEvent_t, cudaEvent_t) {
   return cudaSuccess;
 }
 inline cudaError_t cudaDriverGetVersion(int* version) {
-  *version = throng::test::cuda_on_host::faults.devices == cudaSuccess ? 13000 : 0;
+  using throng::test::cuda_on_host::faults;
+  *version = faults.devices == cudaSuccess ? 13000 : faults.driver;
   return cudaSuccess;
 }
 inline cudaError_t cudaRuntimeGetVersion(int* version) {

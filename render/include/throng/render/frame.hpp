@@ -29,6 +29,9 @@ struct FrameStats {
   ComputeCounters counters;
   RasterCounters raster;
   std::int64_t scene_time_us = 0;
+  // of a picture that stays on a device: what the frame before took there by its clock; nobody has
+  // waited for this one. 0: not known
+  double device_before_ms = 0;
 };
 
 struct ViewSettings {

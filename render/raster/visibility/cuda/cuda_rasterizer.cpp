@@ -802,15 +802,16 @@ absl::Status CudaRasterizer::draw(const FrameGeometry& geometry, const Camera& c
   };
   if (absl::Status status = graph_.run(stream_, kDraw, launches); !status.ok()) return status;
   THRONG_CUDA_TRY(cudaEventRecord((*kept)->drawn(), stream_), kDraw);
-  if (geometry.on_device != nullptr) {
-    const auto* frame = dynamic_cast<const DeviceFrame*>(geometry.on_device);
-    THRONG_CUDA_TRY(cudaEventRecord(frame->drawn, stream_), kDraw);
-  }
   // the picture and the counts are all that is read back
   THRONG_CUDA_TRY(cudaMemcpyAsync(b.read_back.data(), job.counts, sizeof(RasterCounts),
                                   cudaMemcpyDeviceToHost, stream_),
                   kDraw);
   THRONG_CUDA_TRY(cudaEventRecord(ended_, stream_), kDraw);
+  if (geometry.on_device != nullptr) {
+    // last of all: the stages of the next frame wait for it, so that they find this one's times
+    const auto* frame = dynamic_cast<const DeviceFrame*>(geometry.on_device);
+    THRONG_CUDA_TRY(cudaEventRecord(frame->drawn, stream_), kDraw);
+  }
   counts_pending_ = true;
   counters_.drawn = job.count;
   counters_.triangles = job.triangles_drawn;
