@@ -94,6 +94,7 @@ void fill(const Character& character, const element::ClipRange& clip, float stri
           glm::vec3* shift) {
   const std::size_t frames = clip.frame_count;
   if (frames < 4 || !(stride_m > 0.0F) || !std::isfinite(stride_m)) return;
+  if ((clip.first_frame + frames) * character.joint_count() > character.palette.size()) return;
   const std::vector<Stance> stances = stances_of(character, clip, stride_m);
   const float step_m = stride_m / static_cast<float>(frames);
   float ease = 0.0F;
@@ -128,7 +129,11 @@ void fill(const Character& character, const element::ClipRange& clip, float stri
 }  // namespace
 
 void add_stance_shift(const Character& character, element::Gait& gait) {
-  if (character.position.empty() || character.joints.empty()) return;
+  // a cast of clips alone, as some tests have, walks as it did
+  if (character.position.empty() || character.joints.empty() ||
+      character.joint_weight.size() < character.position.size()) {
+    return;
+  }
   const bool has_walk = gait.walk.frame_count != 0;
   fill(character, gait.run, gait.run_stride_m, gait.run_shift);
   fill(character, has_walk ? gait.walk : gait.run,
