@@ -40,8 +40,7 @@ struct ViewSettings {
   Selection selection;  // pose_mode and geometry are set by what follows
   PoseMode pose_mode = PoseMode::kShared;
   Look look;
-  // of perspective cameras, where the processor computes; agents that are coloured by a channel are
-  // drawn one by one
+  // of perspective cameras; agents that are coloured by a channel are drawn one by one
   FarSettings far;
   int channel = -1;  // index of the channel that colours the agents
   // Pixels drawn for each one of the picture, along a side: 1, or 2 for means of four (16 samples
