@@ -24,6 +24,7 @@ struct PublishCommand {
   std::string crowd;
   trajectory::ReadOptions read;
   std::string environment;  // file of WKT, GeoJSON or a Vadere scenario; empty: what `file` holds
+  std::string net;          // SUMO's network: streets of the site; empty: as `environment` has them
   double rate = 1.0;        // scene seconds for each second
   bool loop = false;
   bool take_over = false;

@@ -133,6 +133,7 @@ int main(int argc, char** argv) {
       "  throng publish walk.txt --crowd lab --source-fps 16 --source-unit cm --rate 2\n"
       "  throng publish city.csv --crowd city --wait 60 --take-over --seed 7\n"
       "  throng publish postvis.traj --crowd hall --environment hall.scenario\n"
+      "  throng publish fcd.xml.gz --crowd town --net town.net.xml.gz\n"
       "  throng publish hills.txt --crowd hills --format archive-text --z ground");
   publish_app->add_option("file", publish.file, "JuPedSim sqlite, archive text, CSV, ...")
       ->required();
@@ -147,6 +148,9 @@ int main(int argc, char** argv) {
   publish_app
       ->add_option("--environment", publish.environment,
                    "WKT, GeoJSON or Vadere scenario of the site (default: what the file holds)")
+      ->check(CLI::ExistingFile);
+  publish_app
+      ->add_option("--net", publish.net, "SUMO's network (.net.xml, .net.xml.gz): its streets")
       ->check(CLI::ExistingFile);
   publish_app->add_option("--wait", publish.wait_s, "Seconds to wait for the server")
       ->capture_default_str()

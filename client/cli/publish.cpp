@@ -113,6 +113,16 @@ int run_publish(const PublishCommand& command) {
       return kBadInput;
     }
   }
+  if (!command.net.empty()) {
+    const absl::StatusOr<std::string> streets = trajectory::read_sumo_net(command.net);
+    if (!streets.ok()) {
+      report(kName, streets.status());
+      return kBadInput;
+    }
+    info.walkable_area_wkt.resize(
+        std::min(info.walkable_area_wkt.size(), info.walkable_area_wkt.find("\n;")));
+    info.walkable_area_wkt += *streets;
+  }
   ProducerOptions options;
   options.connection = command.common.connection;
   options.channels = info.channel_names;

@@ -88,7 +88,7 @@ absl::StatusOr<std::string> format_of_text(const std::string& path, std::string_
     if (root_of(body) == "net") {
       return fault(path,
                    "this is SUMO's network: streets, and nobody who walks; give it with "
-                   "--environment, and as trajectories what 'sumo --fcd-output' writes");
+                   "--net, and as trajectories what 'sumo --fcd-output' writes");
     }
     return std::string("sumo-fcd");
   }

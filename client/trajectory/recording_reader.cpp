@@ -1,4 +1,6 @@
 #include <absl/strings/str_cat.h>
+#include <fcntl.h>
+#include <unistd.h>
 #include <zstd.h>
 
 #include <algorithm>
@@ -517,8 +519,18 @@ absl::Status give_up_recordings(const std::string& folder, const std::string& cr
   }
   if (newest.empty()) return absl::OkStatus();
   const std::string path = removed_path(folder, newest).string();
-  if (std::ofstream(path, std::ios::binary).put('\n').flush().good()) return absl::OkStatus();
-  return absl::UnavailableError(absl::StrCat(path, ": cannot be written: ", std::strerror(errno)));
+  // on the disk before anybody is told: a power cut must not bring the crowd back
+  const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  bool is_kept = file >= 0 && ::write(file, "\n", 1) == 1 && ::fsync(file) == 0;
+  const int error = errno;
+  if (file >= 0) ::close(file);
+  if (const int entries = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+      entries >= 0) {
+    is_kept = is_kept && (::fsync(entries) == 0 || errno == EINVAL);
+    ::close(entries);
+  }
+  if (is_kept) return absl::OkStatus();
+  return absl::UnavailableError(absl::StrCat(path, ": cannot be written: ", std::strerror(error)));
 }
 
 absl::StatusOr<RecordedRun> read_last_run(

@@ -461,7 +461,9 @@ absl::StatusOr<Summary> convert(const std::string& input, const std::string& out
   spec.has_z = summary->has_z;
   spec.has_heading = summary->has_heading;
   spec.channel_names = summary->info.channel_names;
-  spec.walkable_area_wkt = summary->info.walkable_area_wkt;
+  // others read WKT only: the surfaces that may follow stay out
+  spec.walkable_area_wkt =
+      summary->info.walkable_area_wkt.substr(0, summary->info.walkable_area_wkt.find("\n;"));
   spec.min_x_m = summary->min_x_m;
   spec.max_x_m = summary->max_x_m;
   spec.min_y_m = summary->min_y_m;
@@ -470,6 +472,12 @@ absl::StatusOr<Summary> convert(const std::string& input, const std::string& out
   if (csv && summary->has_motion) spec.motion_names = summary->info.motion_names;
   spec.has_characters = csv && summary->has_characters;
   std::vector<std::string>& notes = summary->info.notes;
+  for (std::string& name : spec.channel_names) {
+    if (!csv || (name != "motion" && name != "character")) continue;
+    // such a column would be read as what agents do, or who they are
+    notes.push_back(absl::StrCat("the channel '", name, "' is written as '", name, "_value'"));
+    name += "_value";
+  }
   if (sqlite && (spec.has_z || !spec.channel_names.empty())) {
     notes.push_back("JuPedSim's SQLite holds neither heights nor channels; they are not written");
   }

@@ -15,7 +15,6 @@ namespace throng::render {
 namespace {
 
 constexpr double kFarthestM = 1e7;
-constexpr int kMostPoints = 50'000;
 // GEOS clips ears, which takes the square of the points and worse where holes are: 2,000 points
 // take a second, 16,000 minutes. Larger polygons are cut in two until they have so many.
 constexpr int kMostTogether = 200;
@@ -159,7 +158,7 @@ absl::Status add_solid(const Geos& geos, const GEOSGeometry* polygon, std::vecto
 
 /// Reads polygons and checks all that is quickly checked.
 absl::StatusOr<Geometry> read_area(const Geos& geos, const std::string& wkt,
-                                   const glm::dvec2& origin_m) {
+                                   const glm::dvec2& origin_m, int most_points) {
   int depth = 0;
   for (const char c : wkt) {
     depth += c == '(' ? 1 : c == ')' ? -1 : 0;
@@ -175,9 +174,9 @@ absl::StatusOr<Geometry> read_area(const Geos& geos, const std::string& wkt,
 
   // limits before anything that takes time
   const int points = GEOSGetNumCoordinates_r(geos.get(), read.get());
-  if (points > kMostPoints) {
+  if (points > most_points) {
     return absl::InvalidArgumentError(
-        absl::StrCat("walkable area: has ", points, " points, must have at most ", kMostPoints));
+        absl::StrCat("walkable area: has ", points, " points, must have at most ", most_points));
   }
   absl::Status inside;
   int polygons = 0;
@@ -206,15 +205,36 @@ absl::StatusOr<Geometry> read_area(const Geos& geos, const std::string& wkt,
 
 }  // namespace
 
-absl::Status check_area(const std::string& wkt, const glm::dvec2& origin_m) {
+absl::Status check_area(const std::string& wkt, const glm::dvec2& origin_m, int most_points) {
   Geos geos;
-  return read_area(geos, wkt, origin_m).status();
+  return read_area(geos, wkt, origin_m, most_points).status();
+}
+
+absl::StatusOr<std::vector<std::array<glm::dvec2, 3>>> triangles_of(
+    const std::string& wkt, const glm::dvec2& origin_m, const std::atomic<bool>* cancelled) {
+  Geos geos;
+  const auto read = read_area(geos, wkt, origin_m, kMostSurfacePoints);
+  if (!read.ok()) return read.status();
+  Footprint footprint;
+  absl::Status status;
+  const auto add = [&](const GEOSGeometry* polygon) {
+    std::vector<Cut> cuts;
+    if (status.ok()) status = add_solid(geos, polygon, cuts, origin_m, cancelled, footprint);
+  };
+  each_polygon(geos, read->get(), [&](const GEOSGeometry* polygon) {
+    if (GEOSisValid_r(geos.get(), polygon) == 1) return add(polygon);
+    // a lane that bends sharply overlaps itself
+    const Geometry valid = own(geos, GEOSMakeValid_r(geos.get(), polygon));
+    if (valid != nullptr) each_polygon(geos, valid.get(), add);
+  });
+  if (!status.ok()) return status;
+  return std::move(footprint.triangles);
 }
 
 absl::StatusOr<Footprint> solids_around(const std::string& wkt, const glm::dvec2& origin_m,
                                         double thickness_m, const std::atomic<bool>* cancelled) {
   Geos geos;
-  const auto read = read_area(geos, wkt, origin_m);
+  const auto read = read_area(geos, wkt, origin_m, kMostAreaPoints);
   if (!read.ok()) return read.status();
 
   // polygons that overlap or touch are one area

@@ -18,8 +18,16 @@ struct Footprint {
   std::vector<std::vector<glm::dvec2>> rings;  // of the area that it stands around
 };
 
+inline constexpr int kMostAreaPoints = 50'000, kMostSurfacePoints = 400'000;
+
 /// Reads the polygons and checks what is quickly checked. Errors as of make_environment.
-absl::Status check_area(const std::string& wkt, const glm::dvec2& origin_m);
+absl::Status check_area(const std::string& wkt, const glm::dvec2& origin_m, int most_points);
+
+/// Polygons in triangles (counter-clockwise), each for itself: those that overlap stay so.
+/// Errors as of make_environment; Cancelled soon after `cancelled` is set.
+absl::StatusOr<std::vector<std::array<glm::dvec2, 3>>> triangles_of(
+    const std::string& wkt, const glm::dvec2& origin_m,
+    const std::atomic<bool>* cancelled = nullptr);
 
 /// What is solid around a walkable area: a band of `thickness_m` outside of it, and its holes.
 /// Errors as of make_environment; Cancelled soon after `cancelled` is set.

@@ -36,9 +36,12 @@ struct Corners {
 
 using Pieces = std::map<std::pair<int, int>, Corners>;
 
-inline Corners& piece_at(Pieces& pieces, const glm::dvec2& point) {
-  return pieces[{static_cast<int>(std::floor(point.x / kPieceM)),
-                 static_cast<int>(std::floor(point.y / kPieceM))}];
+/// @param layer  what lies in another one is a piece of its own: edges are smooth between pieces.
+inline Corners& piece_at(Pieces& pieces, const glm::dvec2& point, double piece_m = kPieceM,
+                         int layer = 0) {
+  constexpr int kLayer = 1 << 24;  // more than lie side by side
+  return pieces[{static_cast<int>(std::floor(point.x / piece_m)) + layer * kLayer,
+                 static_cast<int>(std::floor(point.y / piece_m))}];
 }
 
 using Rgb = std::array<std::uint8_t, 3>;

@@ -276,6 +276,10 @@ absl::Status add_vadere(const json& topography, Polygons& polygons) {
 }  // namespace
 
 absl::StatusOr<std::string> walkable_area_of(const std::string& text) {
+  if (const std::size_t end = text.find("\n;"); end != std::string::npos && end > 0) {
+    absl::StatusOr<std::string> area = walkable_area_of(text.substr(0, end));  // surfaces follow
+    return area.ok() ? *area + text.substr(end) : area;
+  }
   const absl::string_view body = absl::StripAsciiWhitespace(text);
   const absl::string_view mark = "\xEF\xBB\xBF";
   const bool has_mark = body.substr(0, mark.size()) == mark;

@@ -266,12 +266,17 @@ absl::StatusOr<std::shared_ptr<const render::Environment>> environment_of(
   if (!job.environment.empty()) {
     return render::read_environment(job.environment, origin_world, job.environment_options);
   }
-  if (info.walkable_area_wkt.empty()) return nullptr;
-  auto made =
-      render::make_environment(info.walkable_area_wkt, origin_world, job.environment_options);
+  std::string site = info.walkable_area_wkt;
+  if (!job.net.empty()) {
+    const absl::StatusOr<std::string> streets = trajectory::read_sumo_net(job.net);
+    if (!streets.ok()) return streets.status();
+    site = site.substr(0, site.find("\n;")) + *streets;
+  }
+  if (site.empty()) return nullptr;
+  auto made = render::make_environment(site, origin_world, job.environment_options);
   if (made.ok()) return made;
-  return absl::Status(made.status().code(),
-                      absl::StrCat(job.trajectory, ": ", made.status().message()));
+  return absl::Status(made.status().code(), absl::StrCat(job.net.empty() ? job.trajectory : job.net,
+                                                         ": ", made.status().message()));
 }
 
 /// @param scripts  of job.cameras

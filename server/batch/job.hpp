@@ -39,6 +39,7 @@ struct BatchJob {
   double channel_low = 0.0, channel_high = 1.0;
   std::string environment;  // file of WKT, GeoJSON, a Vadere scenario or a static glTF; empty: what
                             // the trajectory holds
+  std::string net;          // SUMO's network: streets; not with `environment`
   bool walls = true;        // false: no environment
   render::EnvironmentOptions environment_options;
   Shard shard;

@@ -54,6 +54,7 @@ constexpr const char* kFooter = R"(Examples:
   throng-render run.sqlite -o run.mp4 --fps 30 --cast mine --no-shadows --no-ground --quiet
   throng-render run.sqlite -o out/####.jpg --jpeg-quality 80 --skip-existing --stats stats.jsonl
   throng-render run.sqlite -o site.mp4 --environment site.glb --wall-height 2.5        (or --no-walls)
+  throng-render fcd.xml.gz -o town.mp4 --net town.net.xml
   throng-render run.sqlite -o out/####.png --boxes gt.txt --box-extent whole
   throng-render hills.txt -o hills.mp4 --format archive-text --z ground
   throng-render run.sqlite -o paper.png --frames 1 --vertex-budget 5000000 --lod dong2019 --form mesh
@@ -177,11 +178,15 @@ int main(int argc, char** argv) {
   app.add_option("--channel-range", channel_range,
                  "Values at the ends of the colour scale (default 0:1)")
       ->type_name("LOW:HIGH");
-  app.add_option(
-         "--environment", job.environment,
-         "Site: WKT, GeoJSON, a Vadere scenario or a static glTF (default: what the trajectory "
-         "holds)")
-      ->type_name("FILE");
+  auto* const environment =
+      app.add_option(
+             "--environment", job.environment,
+             "Site: WKT, GeoJSON, a Vadere scenario or a static glTF (default: what the trajectory "
+             "holds)")
+          ->type_name("FILE");
+  app.add_option("--net", job.net, "SUMO's network (.net.xml, .net.xml.gz): streets on the ground")
+      ->type_name("FILE")
+      ->excludes(environment);
   app.add_option("--wall-height", job.environment_options.wall_height_m, "Height of walls, m")
       ->capture_default_str()
       ->check(CLI::Range(0.01, 100.0));

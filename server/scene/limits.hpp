@@ -26,7 +26,7 @@ struct Limits {
   std::uint32_t max_frames_in_flight = 3;
   std::uint64_t max_vertex_budget = 20'000'000;
   double max_rate_hz = 60.0;  // a viewer that asks for more gets this
-  std::uint32_t max_environment_bytes = 1u << 20;
+  std::uint32_t max_environment_bytes = 4u << 20;
   std::uint32_t max_pending_pictures = 16;
 };
 

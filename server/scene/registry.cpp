@@ -254,6 +254,11 @@ absl::StatusOr<std::unique_ptr<Publication>> Registry::start(StartRequest reques
   {
     const std::lock_guard lock(mutex_);
     const auto found = crowds_.find(request.crowd_name);
+    if (found != crowds_.end() && found->second->deleted()) {
+      // its recording, which is still written, would be given up with that crowd's
+      return absl::UnavailableError(
+          absl::StrCat("start.crowd_name: '", request.crowd_name, "' is being removed; try again"));
+    }
     std::shared_ptr<NamedCrowd> named;
     if (found != crowds_.end()) {
       named = found->second;
@@ -428,7 +433,7 @@ absl::StatusOr<std::shared_ptr<NamedCrowd>> Registry::find(const std::string& na
   if (absl::Status status = check_crowd_name(name); !status.ok()) return status;
   const std::lock_guard lock(mutex_);
   const auto found = crowds_.find(name);
-  if (found == crowds_.end()) {
+  if (found == crowds_.end() || found->second->deleted()) {
     return absl::NotFoundError(absl::StrCat("there is no crowd '", name, "'"));
   }
   return found->second;
@@ -438,7 +443,9 @@ std::vector<CrowdReport> Registry::list() const {
   std::vector<std::shared_ptr<NamedCrowd>> crowds;
   {
     const std::lock_guard lock(mutex_);
-    for (const auto& [name, crowd] : crowds_) crowds.push_back(crowd);
+    for (const auto& [name, crowd] : crowds_) {
+      if (!crowd->deleted()) crowds.push_back(crowd);
+    }
   }
   std::vector<CrowdReport> reports;
   reports.reserve(crowds.size());
@@ -453,7 +460,7 @@ absl::Status Registry::remove(const std::string& name) {
   {
     const std::lock_guard lock(mutex_);
     const auto found = crowds_.find(name);
-    if (found == crowds_.end()) {
+    if (found == crowds_.end() || found->second->deleted()) {
       return absl::NotFoundError(absl::StrCat("there is no crowd '", name, "'"));
     }
     const std::lock_guard crowd_lock(found->second->mutex_);
@@ -462,20 +469,24 @@ absl::Status Registry::remove(const std::string& name) {
                                                         found->second->start_.producer,
                                                         "'; end that first"));
     }
-    removed = std::move(found->second);
+    removed = found->second;
     removed->deleted_.store(true, std::memory_order_release);
     recording = std::move(removed->recording_);
-    crowds_.erase(found);
+    if (recording == nullptr) {
+      crowds_.erase(found);
+      return absl::OkStatus();
+    }
   }
-  // Outside the locks: it writes what waits. A crowd of the same name that begins meanwhile has a
-  // recording of its own, and is given up with it only if its file is there by then.
-  if (recording == nullptr) return absl::OkStatus();
+  // Outside the locks: it writes what waits. Its name is free again after that.
   recording.reset();
-  if (absl::Status status = trajectory::give_up_recordings(record_.folder, name); !status.ok()) {
-    spdlog::warn("event=recording_not_given_up crowd={} error=\"{}\"", name,
-                 std::string(status.message()));
+  const absl::Status status = trajectory::give_up_recordings(record_.folder, name);
+  {
+    const std::lock_guard lock(mutex_);
+    crowds_.erase(name);
   }
-  return absl::OkStatus();
+  if (status.ok()) return status;
+  return absl::InternalError(absl::StrCat("'", name, "' is gone, but comes back when the server ",
+                                          "starts again: ", status.message()));
 }
 
 }  // namespace throng::server

@@ -1,5 +1,6 @@
 """The SUMO helper with the real SUMO; `deploy/setup --sumo` installs it."""
 
+import gzip
 import os
 import subprocess
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 import throng
-from throng.sumo import PersonPublisher
+from throng.sumo import PersonPublisher, streets
 
 sumo = pytest.importorskip("sumo", reason="eclipse-sumo is not installed")
 
@@ -48,9 +49,29 @@ def test_walkers_are_published_with_names_positions_and_headings(server, town, l
             np.testing.assert_allclose(position[:2], positions[name], rtol=1e-5)
     assert server.frames[-1].ids[0] == throng.hash_id(server.frames[-1].names[0])
     assert [channel.name for channel in server.starts[0].channels] == ["speed"]
+    assert server.environments == [streets(town[1])]
     # The heading is where the walker goes.
     before, after = server.frames[20], server.frames[21]
     name = before.names[0]
     step = after.positions[after.names.index(name)] - before.positions[0]
     heading = after.headings[after.names.index(name)]
     assert np.cos(heading - np.arctan2(step[1], step[0])) > 0.7
+
+
+def test_streets_are_lanes_in_their_width_junctions_and_stripes(tmp_path):
+    path = tmp_path / "a.net.xml.gz"
+    path.write_bytes(gzip.compress(b"""<?xml version="1.0"?><net>
+        <edge id=":a" function="internal"><lane shape="0,0 1,1"/></edge>
+        <edge id="r"><lane shape="0,0 10,0 10,10" width="4"/><lane shape="0,5,1 10,5,1" allow="pedestrian" width="2"/>
+        <lane shape="0,50 10,50" allow="rail_urban"/></edge>
+        <edge id=":c" function="crossing"><lane shape="0,0 0,1" width="4"/></edge>
+        <junction type="internal" shape="7,7 8,7 8,8"/><junction type="priority" shape="20,0 24,0 24,4"/></net>"""))
+    assert streets(path).split("\n")[1:] == [
+        ";ROAD MULTIPOLYGON (((0.00 2.00,8.00 2.00,8.00 10.00,12.00 10.00,12.00 -2.00,0.00 -2.00,0.00 2.00)), "
+        "((20.00 0.00,24.00 0.00,24.00 4.00,20.00 0.00)))",
+        ";WALK MULTIPOLYGON (((0.00 6.00,10.00 6.00,10.00 4.00,0.00 4.00,0.00 6.00)))",
+        ";MARK MULTIPOLYGON (((-2.00 0.25,-2.00 0.75,2.00 0.75,2.00 0.25,-2.00 0.25)))"]
+    for text in (b"<routes/>", b"<net><edge", b"<net/>"):
+        path.write_bytes(text)
+        with pytest.raises(ValueError, match="a.net.xml.gz"):
+            streets(path)

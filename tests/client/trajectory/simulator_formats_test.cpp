@@ -178,7 +178,7 @@ TEST_F(SumoFcdTest, BrokenElementsAreNamedWithTheirLine) {
                {"line 1", "'routes'", "fcd-export"});
   expect_error(
       read_all(write("n.xml", "<?xml version=\"1.0\"?>\n<!-- <a> -->\n<net version=\"1\">")).status,
-      {"SUMO's network", "--environment", "--fcd-output"});
+      {"SUMO's network", "--net", "--fcd-output"});
   expect_error(read_all(write("a.md",
                               "# throng\nIt walks about in the hall, and then, of course, it "
                               "walks back again.\n"))
@@ -397,6 +397,7 @@ TEST_F(TrajnetTest, MutatedFilesNeverCrash) {
 // ---- RVO2
 
 class Rvo2TextTest : public FileTest {};
+class SumoNetTest : public FileTest {};
 
 constexpr const char* kRvo2 =
     "0 (55,55) (-55,5.5)\n0.25 (54.8,54.9) (-54,5.5)\n0.5 (54,54) (-53,5)\n0.75 (53,54) (-52,5)\n";
@@ -443,6 +444,45 @@ TEST_F(Rvo2TextTest, BrokenLinesAreNamed) {
 
 TEST_F(Rvo2TextTest, MutatedFilesNeverCrash) {
   test::survive_mutations(write("a.txt", kRvo2), path("m.txt"), 2000);
+}
+
+TEST_F(SumoNetTest, LanesJunctionsAndCrossingsAreGround) {
+  const std::string net =
+      "<?xml version=\"1.0\"?>\n<!-- made -->\n<net version=\"1.20\">\n"
+      "<edge id=\":a\" function=\"internal\"><lane shape=\"0,0 1,1\"/></edge>\n"
+      "<edge id=\"r\"><lane shape=\"0,0 10,0 10,10\" width=\"4\"/>"
+      "<lane shape=\"0,5,1 10,5,1\" allow=\"pedestrian\" width=\"2\"/>"
+      "<lane shape=\"0,50 10,50\" allow=\"rail_urban\"/></edge>\n"
+      "<edge id=\":c\" function=\"crossing\"><lane shape=\"0,0 0,3.2\" width=\"4\"/></edge>\n"
+      "<edge id=\":w\" function=\"walkingarea\"><lane shape=\"0,0 1,0 1,1\"/></edge>\n"
+      "<junction type=\"internal\" shape=\"7,7 8,7 8,8\"/>\n"
+      "<junction type=\"priority\" shape=\"20,0 24,0 24,4\"/>\n</net>\n";
+  const auto text = trajectory::read_sumo_net(write("town.net.xml", net));
+  ASSERT_TRUE(text.ok()) << text.status();
+  EXPECT_EQ(*text,
+            "\n;ROAD MULTIPOLYGON (((0.00 2.00,8.00 2.00,8.00 10.00,12.00 10.00,12.00 -2.00,0.00 "
+            "-2.00,0.00 2.00)), ((20.00 0.00,24.00 0.00,24.00 4.00,20.00 0.00)))"
+            "\n;WALK MULTIPOLYGON (((0.00 6.00,10.00 6.00,10.00 4.00,0.00 4.00,0.00 6.00)), "
+            "((0.00 0.00,1.00 0.00,1.00 1.00,0.00 0.00)))"
+            "\n;MARK MULTIPOLYGON (((-2.00 0.25,-2.00 0.75,2.00 0.75,2.00 0.25,-2.00 0.25)), "
+            "((-2.00 1.25,-2.00 1.75,2.00 1.75,2.00 1.25,-2.00 1.25)), "
+            "((-2.00 2.25,-2.00 2.75,2.00 2.75,2.00 2.25,-2.00 2.25)))");
+}
+
+TEST_F(SumoNetTest, BrokenNetworksAreErrors) {
+  const auto said = [&](const std::string& text) {
+    return trajectory::read_sumo_net(write("a.net.xml", text)).status();
+  };
+  expect_error(said("<routes/>"), {"line 1", "'routes'", "'net'"});
+  expect_error(said("<net>\n<edge"), {"line 2", "not well-formed"});
+  expect_error(said("<net></net>"), {"no lane"});
+  expect_error(said("<net>\n<junction shape=\"1,2 3,x 4,4\"/></net>"), {"line 2", "'3,x'"});
+  expect_error(said("<net><junction shape=\"1,2 3,1e99 4,4\"/></net>"), {"'3,1e99'"});
+  expect_error(said("<net><edge><lane width=\"-1\" shape=\"0,0 1,1\"/></edge></net>"),
+               {"width", "'-1'"});
+  expect_error(said("<!DOCTYPE n [<!ENTITY a \"b\">]><net/>"), {"entities"});
+  EXPECT_EQ(trajectory::read_sumo_net("absent.net.xml").status().code(),
+            absl::StatusCode::kNotFound);
 }
 
 }  // namespace

@@ -182,6 +182,44 @@ TEST(EnvironmentTest, CamerasSeeOfALargeSiteWhatIsNearTheAgents) {
   EXPECT_NEAR(high.x, 400.5, 1e-4);
 }
 
+TEST(EnvironmentTest, SurfacesLieOnTheGround) {
+  const std::string streets =
+      "\n;ROAD MULTIPOLYGON (((0 0, 100 0, 100 6, 0 6, 0 0)), ((50 0, 60 0, 60 6, 50 6, 50 0)))"
+      "\n;WALK POLYGON ((0 6, 100 6, 100 8, 0 8, 0 6))";
+  EXPECT_TRUE(check_environment(streets, {}).ok());
+  const auto alone = make_environment(streets, {});
+  ASSERT_TRUE(alone.ok()) << alone.status();
+  EXPECT_LT((*alone)->high_m.z, 0.04);  // within what shows the ground's shadows
+  EXPECT_GT((*alone)->low_m.z, 0.0);
+  EXPECT_NEAR((*alone)->high_m.y, 8.0, 1e-4);
+  EXPECT_TRUE((*alone)->rings.empty());
+  const auto walled = make_environment("POLYGON ((0 0, 9 0, 9 9, 0 9, 0 0))" + streets, {});
+  ASSERT_TRUE(walled.ok()) << walled.status();
+  EXPECT_EQ((*walled)->rings.size(), 1U);
+  EXPECT_NEAR((*walled)->high_m.z, 1.2, 1e-4);
+  EXPECT_EQ(*walkable_area_of("POLYGON ((0 0, 9 0, 9 9, 0 0))" + streets),
+            "POLYGON ((0 0, 9 0, 9 9, 0 0))" + streets);
+  for (const char* wrong :
+       {"\n;LAKE POLYGON ((0 0, 1 0, 1 1, 0 0))", "\n;ROAD", "\n;ROAD x", "\n;",
+        "\n;ROAD POLYGON ((0 0, 1e9 0, 1 1, 0 0))", "POLYGON x\n;ROAD POINT (0 0)"}) {
+    EXPECT_EQ(make_environment(wrong, {}).status().code(), absl::StatusCode::kInvalidArgument)
+        << wrong;
+    EXPECT_EQ(check_environment(wrong, {}).code(), absl::StatusCode::kInvalidArgument) << wrong;
+  }
+}
+
+TEST(EnvironmentTest, ATownHasFewPieces) {
+  std::string streets;
+  for (int i = 0; i < 300; ++i) {
+    streets +=
+        absl::StrCat(i == 0 ? "\n;ROAD MULTIPOLYGON (((" : ", ((", i * 40, " 0, ", i * 40 + 6,
+                     " 0, ", i * 40 + 6, " 12000, ", i * 40, " 12000, ", i * 40, " 0))");
+  }
+  const auto town = make_environment(streets + ")", {});
+  ASSERT_TRUE(town.ok()) << town.status();
+  EXPECT_LT((*town)->pieces.size(), 10'000U);
+}
+
 TEST(EnvironmentTest, WhoNoLongerWaitsIsNotServed) {
   const std::atomic<bool> cancelled{true};
   EXPECT_EQ(make_environment(star(1'500), {}, {.cancelled = &cancelled}).status().code(),

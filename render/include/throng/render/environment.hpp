@@ -40,7 +40,7 @@ struct Environment {
 void include_environment(const Environment* environment, const glm::dvec3& origin_world,
                          glm::dvec3& low, glm::dvec3& high);
 
-/// Walls around a walkable area and solid obstacles where it has holes.
+/// Walls around a walkable area and solid obstacles where it has holes, and surfaces on the ground.
 ///
 /// @param wkt  polygons (POLYGON, MULTIPOLYGON or a GEOMETRYCOLLECTION of them) in metres, world
 ///             frame, as JuPedSim keeps them; an invalid one is repaired where that is possible.
@@ -61,6 +61,10 @@ absl::StatusOr<std::shared_ptr<const Environment>> make_environment(
 ///   `class` or `role` of obstacle, wall or building, are solid.
 /// - Vadere's .scenario: the bounds of its topography, less their frame where it is bounded, less
 ///   the obstacles.
+///
+/// Surfaces may follow, with or without an area before them: a line each of `;ROAD`, `;WALK` (where
+/// only people walk) or `;MARK` (on either), a blank and WKT polygons. They lie on the ground, have
+/// no walls and may overlap; 400,000 points in all of a line.
 /// InvalidArgument names what lacks or does not fit.
 absl::StatusOr<std::string> walkable_area_of(const std::string& text);
 

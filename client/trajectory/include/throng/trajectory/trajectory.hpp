@@ -102,6 +102,12 @@ struct Summary {
 /// Reads a whole file, in bounded memory but for one id per agent. Errors as of `open` and `next`.
 absl::StatusOr<Summary> summarize(const std::string& path, const ReadOptions& options = {});
 
+/// The streets of SUMO's network (.net.xml, plain or gzipped) as a site's text has them: surfaces
+/// that follow a walkable area, see render::walkable_area_of. Lanes in their width, junctions;
+/// what only people walk on; crossings' stripes. Rails and waterways are left out.
+/// NotFound; InvalidArgument with file, line and value.
+absl::StatusOr<std::string> read_sumo_net(const std::string& path);
+
 /// Metres of a unit of length as --source-unit spells it: "m", "cm", "mm", or a number of metres.
 absl::StatusOr<double> parse_unit(const std::string& text);
 
