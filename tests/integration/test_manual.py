@@ -100,7 +100,7 @@ def complete(*words):
 
 
 def test_completion_offers_subcommands_options_and_words():
-    assert complete("throng", "re") == ["record"]
+    assert complete("throng", "re") == ["record", "remove"]
     assert "--source-fps" in complete("throng", "publish", "--so")
     assert "--crowd" not in complete("throng", "--cr")
     assert complete("throng-render", "--raster", "vi") == ["visibility"]
