@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <numeric>
 #include <span>
 #include <utility>
 
@@ -41,32 +40,20 @@ glm::vec4 bounds_of(const Surface& surface, std::span<const render::Affine> pale
   return {centre, radius_m * 1.004F + 1.0e-4F};
 }
 
-/// The frames of idle, walk and run; all where a character has none of them. Levels of detail are
-/// made for what agents do most: a clip for the few must not cost the many.
-std::vector<std::uint32_t> usual_frames(const BakedClips& clips, std::size_t joints) {
-  std::vector<std::uint32_t> usual;
+/// The frames of idle, walk and run; all where a character has none of them: what agents do most.
+std::vector<render::Affine> usual_frames(const BakedClips& clips, std::size_t joints) {
+  std::vector<render::Affine> usual;
   for (const render::Clip& clip : clips.clips) {
     if (clip.kind != render::ClipKind::kIdle && clip.kind != render::ClipKind::kWalk &&
         clip.kind != render::ClipKind::kRun) {
       continue;
     }
-    for (std::uint32_t f = 0; f < clip.frame_count; ++f) usual.push_back(clip.first_frame + f);
+    const auto first =
+        clips.palette.begin() + static_cast<std::ptrdiff_t>(clip.first_frame * joints);
+    usual.insert(usual.end(), first,
+                 first + static_cast<std::ptrdiff_t>(clip.frame_count * joints));
   }
-  if (usual.empty()) {
-    usual.resize(clips.palette.size() / joints);
-    std::iota(usual.begin(), usual.end(), 0U);
-  }
-  return usual;
-}
-
-std::vector<render::Affine> palette_of(const BakedClips& clips,
-                                       std::span<const std::uint32_t> frames, std::size_t joints) {
-  std::vector<render::Affine> palette;
-  for (const std::uint32_t frame : frames) {
-    const auto first = clips.palette.begin() + static_cast<std::ptrdiff_t>(frame * joints);
-    palette.insert(palette.end(), first, first + static_cast<std::ptrdiff_t>(joints));
-  }
-  return palette;
+  return usual.empty() ? clips.palette : usual;
 }
 
 void fill_mesh(const Surface& surface, const CollapseOrder& order, render::CharacterData& data) {
@@ -154,14 +141,10 @@ absl::StatusOr<BakeResult> bake(const SourceCharacter& original, const BakeOptio
   const auto joints = static_cast<std::uint32_t>(source.joints.size());
   const bool is_peng = options.criterion == Criterion::kPeng2011;
   const std::uint32_t max_poses = options.bind_pose_only ? 1 : options.max_poses;
-  // the published rule looks at every frame of every clip
-  const std::vector<std::uint32_t> usual = usual_frames(*clips, joints);
-  const std::vector<render::Affine> usual_palette = palette_of(*clips, usual, joints);
-  const std::vector<render::Affine>& palette = is_peng ? clips->palette : usual_palette;
   const PoseSet poses = is_peng && !options.bind_pose_only
-                            ? all_poses(*surface, palette, joints)
-                            : sample_poses(*surface, palette, joints, max_poses);
-  const std::size_t frames = palette.size() / joints;
+                            ? all_poses(*surface, clips->palette, joints)
+                            : sample_poses(*surface, clips->palette, joints, max_poses);
+  const std::size_t frames = clips->palette.size() / joints;
   if (is_peng && poses.count - 1 < frames) {
     result.notes.push_back(absl::StrCat("cost averaged over ", poses.count - 1, " of ", frames,
                                         " frames, evenly spaced: all would need over 1 GiB"));
@@ -191,7 +174,7 @@ absl::StatusOr<BakeResult> bake(const SourceCharacter& original, const BakeOptio
     data.joints.push_back({joint.name, joint.parent, {{rows[0], rows[1], rows[2]}}});
   }
   data.bounds = bounds_of(*surface, clips->palette, joints);
-  data.gait_bounds = bounds_of(*surface, usual_palette, joints);
+  data.gait_bounds = bounds_of(*surface, usual_frames(*clips, joints), joints);
   data.clips = std::move(clips->clips);
   data.palette = std::move(clips->palette);
   if (!(data.height_m > 0.0F)) data.height_m = data.bounds.w;
@@ -203,8 +186,7 @@ absl::StatusOr<BakeResult> bake(const SourceCharacter& original, const BakeOptio
   }
   result.point_count = surface->point_count();
   result.pose_count = poses.count;
-  for (const std::uint32_t frame : poses.frame)
-    result.pose_frames.push_back(is_peng ? frame : usual[frame]);
+  result.pose_frames = poses.frame;
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;
 }

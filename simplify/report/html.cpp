@@ -168,14 +168,8 @@ void add_sampling(const CharacterReport& character, std::string& html) {
   }
   const SamplingCost& cost = *character.sampling;
   const auto percent = [&](float m) { return 100.0 * static_cast<double>(m / character.height_m); };
-  absl::StrAppendFormat(&html, "<p>The levels were made in the bind pose and %u of %u frames",
-                        cost.sampled, cost.usual);
-  if (cost.usual < cost.frames) {
-    absl::StrAppendFormat(&html,
-                          " of idle, walk and run; the %u frames of other clips can't be picked",
-                          cost.frames - cost.usual);
-  }
-  html += '.';
+  absl::StrAppendFormat(&html, "<p>The levels were made in the bind pose and %u of %u frames.",
+                        cost.sampled, cost.frames);
   if (cost.sampled == cost.frames) {
     html += " None was left out, so the sampling costs nothing.</p>\n";
     return;
@@ -187,7 +181,7 @@ void add_sampling(const CharacterReport& character, std::string& html) {
                           escaped(cost.farthest), percent(cost.farthest_m));
   }
   const std::pair<const char*, SamplingCost::Distance SamplingCost::Level::*> sets[] = {
-      {"the frames that these were picked from", &SamplingCost::Level::usual},
+      {"the frames of idle, walk and run", &SamplingCost::Level::usual},
       {"all frames", &SamplingCost::Level::all}};
   for (const auto& [name, set] : sets) {
     const SamplingCost::Level* worst = nullptr;
@@ -209,10 +203,10 @@ void add_sampling(const CharacterReport& character, std::string& html) {
   }
   html +=
       "</p>\n<div class=\"scroll\"><table><tr><th>level</th><th>RMS %<br><span "
-      "class=\"quiet\">sampled frames</span></th><th>RMS %<br><span class=\"quiet\">picked "
-      "from</span></th><th>RMS %<br><span class=\"quiet\">all frames</span></th><th>largest "
+      "class=\"quiet\">sampled frames</span></th><th>RMS %<br><span class=\"quiet\">idle, "
+      "walk, run</span></th><th>RMS %<br><span class=\"quiet\">all frames</span></th><th>largest "
       "%<br><span class=\"quiet\">sampled frames</span></th><th>largest %<br><span "
-      "class=\"quiet\">picked from</span></th><th>largest %<br><span class=\"quiet\">all "
+      "class=\"quiet\">idle, walk, run</span></th><th>largest %<br><span class=\"quiet\">all "
       "frames</span></th><th>RMS %<br><span class=\"quiet\">worst left "
       "out</span></th><th>which</th></tr>\n";
   for (const SamplingCost::Level& level : cost.levels) {

@@ -115,7 +115,6 @@ absl::StatusOr<SamplingCost> measure_sampling(const render::Character& character
   };
   if (pose_frames.empty())
     look([&](std::size_t i, double mean2, float most2) { levels[i].sampled.add(mean2, most2); });
-  // as `bake` picks them
   const bool has_gait = std::any_of(character.clips.begin(), character.clips.end(), is_gait);
   for (std::uint32_t c = 0; c < character.clips.size(); ++c) {
     const bool is_usual = !has_gait || is_gait(character.clips[c]);
@@ -139,7 +138,6 @@ absl::StatusOr<SamplingCost> measure_sampling(const render::Character& character
         ++cost.sampled;
         continue;
       }
-      if (!is_usual) continue;
       float nearest_m = std::numeric_limits<float>::max();
       for (std::size_t k = 0; k < known.size(); k += landmarks) {
         nearest_m = std::min(nearest_m, mean_distance(std::span(position).first(landmarks),

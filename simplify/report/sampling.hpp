@@ -12,8 +12,8 @@
 namespace throng::simplify {
 
 /// What it costs a character that its levels were made in some frames only: how far they are from
-/// the full mesh over those frames, over the frames that they were picked from (of idle, walk and
-/// run clips, `bake`), and over all frames of all clips. Distances in metres.
+/// the full mesh over those frames, over the usual ones (of idle, walk and run, where a character
+/// has one of them), and over all frames of all clips, which they were picked from. Metres.
 struct SamplingCost {
   /// Between surfaces, both ways, over a set of frames.
   struct Distance {
@@ -21,7 +21,7 @@ struct SamplingCost {
   };
   struct Level {
     std::uint32_t level = 0;       // into kLevelSpecs, from 1 on
-    Distance sampled, usual, all;  // over sampled frames, those picked from, all frames
+    Distance sampled, usual, all;  // over sampled frames, idle, walk and run, all frames
     std::string worst_left_out;    // frame of largest rms that was not sampled; empty: none
     float worst_left_out_rms_m = 0.0F;
     /// How much larger the rms is over other frames than the sampled ones, relative.
@@ -30,7 +30,7 @@ struct SamplingCost {
     }
   };
   std::uint32_t frames = 0, usual = 0, sampled = 0;
-  // the usual frame that is least like any sampled one and the bind pose; empty: none left out
+  // the frame that is least like any sampled one and the bind pose; empty: none left out
   std::string farthest;
   float farthest_m = 0.0F;  // mean distance of points to where the most like pose has them
   std::vector<Level> levels;
