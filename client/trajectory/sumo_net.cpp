@@ -19,8 +19,9 @@ using detail::fault;
 using detail::parse_number;
 using detail::split_blanks;
 
-constexpr double kLaneWidthM = 3.2;    // SUMO's, where a lane has none
-constexpr double kStripeM = 0.5;       // of a crossing, and between two
+constexpr double kLaneWidthM = 3.2;  // SUMO's, where a lane has none
+constexpr double kStripeM = 0.5;     // of a crossing, and between two
+constexpr double kLongestCrossingM = 1000.0;
 constexpr double kLongestMiter = 2.0;  // half widths
 
 struct Point {
@@ -177,6 +178,10 @@ class NetReader {
     for (std::size_t i = 0; i + 1 < line.size(); ++i) {
       const Point along = line[i + 1] - line[i];
       const double way_m = length(along);
+      if (!(way_m <= kLongestCrossingM)) {
+        return fail(absl::StrFormat("a crossing is %g m long, at most %g m is read", way_m,
+                                    kLongestCrossingM));
+      }
       for (double at = 0.5 * kStripeM; at + kStripeM <= way_m; at += 2.0 * kStripeM) {
         add(mark_,
             strip({line[i] + along * (at / way_m), line[i] + along * ((at + kStripeM) / way_m)},

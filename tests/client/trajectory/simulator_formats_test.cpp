@@ -480,6 +480,8 @@ TEST_F(SumoNetTest, BrokenNetworksAreErrors) {
   expect_error(said("<net><junction shape=\"1,2 3,1e99 4,4\"/></net>"), {"'3,1e99'"});
   expect_error(said("<net><edge><lane width=\"-1\" shape=\"0,0 1,1\"/></edge></net>"),
                {"width", "'-1'"});
+  expect_error(said("<net><edge function=\"crossing\"><lane shape=\"0,0 5000,0\"/></edge></net>"),
+               {"crossing", "5000 m", "1000 m"});
   expect_error(said("<!DOCTYPE n [<!ENTITY a \"b\">]><net/>"), {"entities"});
   EXPECT_EQ(trajectory::read_sumo_net("absent.net.xml").status().code(),
             absl::StatusCode::kNotFound);
