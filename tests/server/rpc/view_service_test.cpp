@@ -228,7 +228,7 @@ TEST_F(ViewServiceTest, StillPictureAsJpegAndPng) {
     const grpc::Status status = ask(v1::GetPictureRequest::FORMAT_PNG, response, time_us);
     EXPECT_EQ(status.error_code(), grpc::StatusCode::OUT_OF_RANGE);
     EXPECT_THAT(status.error_message(),
-                HasSubstr("the history of crowd 'station' holds 0.10 to 0.10 s"));
+                HasSubstr("of crowd 'station': its history goes from 0.10 to 0.10 s"));
   }
 }
 
