@@ -108,7 +108,7 @@ class NamedCrowd {
   PlayoutClock clock_;
   OverviewBox overview_;
   std::int64_t overview_time_us_ = 0;  // of the moment it was followed to
-  std::optional<WorldBox> seen_;  // wherever somebody was in this run
+  std::optional<WorldBox> seen_;       // wherever somebody was in this run
   std::string walkable_area_wkt_;
   std::uint64_t incomplete_frames_ = 0;
   std::uint64_t late_frames_ = 0;  // that never reached crowd_
