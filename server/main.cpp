@@ -329,7 +329,8 @@ int main(int argc, char** argv) {
     if (pipeline.backend == throng::render::BackendKind::kCuda) {
       spdlog::info("event=compute chosen=cuda why=\"{}\"", why);
     } else {
-      spdlog::info("event=compute chosen=cpu why=\"{}\"", why);
+      spdlog::info("event=compute chosen=cpu detail=\"drawing on the processor\" no_cuda=\"{}\"",
+                   why);
     }
   }
 
