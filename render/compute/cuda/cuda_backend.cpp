@@ -181,6 +181,7 @@ struct CudaView final : ViewWork {
   MotionUpdate motion;
   DeviceBuffer<element::HeldVertices> held;
   std::uint32_t held_slots = 0;  // 0: nothing is held
+  bool remembers = false;        // `held` tells where the vertices of the last frame are
   std::uint64_t made_vertices = 0, held_total = 0;
   DeviceBuffer<std::uint32_t> indices;
   DeviceBuffer<std::byte> scratch;
@@ -525,6 +526,7 @@ class CudaBackend final : public ComputeBackend {
     }
     THRONG_CUDA_TRY(launch_generate(job, stream_), "generate");
     THRONG_CUDA_TRY(launch_remember(job, stream_), "generate");
+    own->remembers = own->held_slots > 0;
     FormsJob forms;
     if (absl::Status status = forms_job(*own, forms); !status.ok()) return status;
     THRONG_CUDA_TRY(launch_make_forms(forms, stream_), "generate");
@@ -1129,10 +1131,12 @@ class CudaBackend final : public ComputeBackend {
   absl::Status hold_vertices(CudaView& view, std::uint32_t slots) {
     if (!(view.motion.distance_m > 0.0F) || slots == 0) {
       view.held_slots = 0;
+      view.remembers = false;
       return absl::OkStatus();
     }
     view.vertices.swap(view.held_vertices);
-    view.held_total = view.held_slots > 0 ? view.made_vertices : 0;
+    // a frame that was left half-way has neither vertices nor told where they are
+    view.held_total = std::exchange(view.remembers, false) ? view.made_vertices : 0;
     if (slots <= view.held_slots) return absl::OkStatus();
     DeviceBuffer<element::HeldVertices> held(stream_);
     THRONG_CUDA_TRY(held.resize(slots), "allocate");

@@ -390,6 +390,29 @@ TEST_F(CudaFaultTest, RunsOutOfMemoryWithoutLosingTheRest) {
   EXPECT_TRUE(again.ok()) << again;
 }
 
+TEST_F(CudaFaultTest, HoldsNoPoseOfAFrameThatWasLeftHalfWay) {
+  Scene scene{.agents = 80, .side_m = 40, .time_us = 10'000};
+  scene.motion = {.distance_m = 1.0F, .k_per_m = 10.0F};
+  Surroundings none;
+  const auto cast = cast_of(scene, none);
+  const auto crowd = crowd_of(scene, cast);
+  Renderer cpu = Renderer::on_processor(), cuda = Renderer::on_cuda();
+  cuda.on_device = false;
+  ASSERT_TRUE(cpu.upload(cast).ok());
+  ASSERT_TRUE(cuda.upload(cast).ok());
+  ASSERT_TRUE(generate(cuda, scene, *crowd, none).ok());
+  const std::size_t vertices = cuda.backend->geometry(*cuda.view).vertices.size();
+  faults.most_bytes = vertices * sizeof(BatchVertex) - 1;
+  EXPECT_EQ(generate(cuda, scene, *crowd, none).code(), absl::StatusCode::kResourceExhausted);
+  faults = {};
+  // nothing is there of the frame before: every pose is made anew
+  ASSERT_TRUE(generate(cuda, scene, *crowd, none).ok());
+  scene.motion = {};
+  ASSERT_TRUE(generate(cpu, scene, *crowd, none).ok());
+  expect_same_bytes(cpu.backend->geometry(*cpu.view).vertices,
+                    cuda.backend->geometry(*cuda.view).vertices, "vertices");
+}
+
 TEST_F(CudaFaultTest, KeepsToItsLimitOfMemory) {
   const Scene scene{.agents = 50};
   Surroundings none;
