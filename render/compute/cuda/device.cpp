@@ -53,9 +53,28 @@ const char* remedy_of(cudaError_t error) {
       return " (nvidia-smi tells what the driver sees; in a container, its GPUs must be passed on)";
     case cudaErrorNoKernelImageForDevice:
       return "; build with CMAKE_CUDA_ARCHITECTURES of this device";
+    case cudaErrorSystemNotReady:
+      return "; on boards whose GPUs are linked nvidia-fabricmanager must run";
+    case cudaErrorSystemDriverMismatch:
+    case cudaErrorCompatNotSupportedOnDevice:
+      return "; the kernel's driver and its libraries are of different versions: restart the "
+             "machine, or take a container of the host's version";
+    case cudaErrorDevicesUnavailable:
+      return "; another process has it to itself (nvidia-smi -q -d COMPUTE)";
     case cudaErrorIllegalAddress:
     case cudaErrorLaunchFailure:
+    case cudaErrorLaunchTimeout:
+    case cudaErrorIllegalInstruction:
+    case cudaErrorMisalignedAddress:
+    case cudaErrorHardwareStackError:
+    case cudaErrorInvalidAddressSpace:
+    case cudaErrorInvalidPc:
+    case cudaErrorAssert:
       return "; the CUDA context is lost and the process must be restarted to draw with it again";
+    case cudaErrorECCUncorrectable:
+      return "; the device's memory is damaged (nvidia-smi -q -d ECC): the CUDA context is lost "
+             "and "
+             "the process must be restarted";
     default:
       return "";
   }
