@@ -359,7 +359,9 @@ TEST_F(CudaFaultTest, TellsWhatIsMissing) {
   };
   for (const Case& one : {Case{cudaErrorNoDevice, 13000, "nvidia-smi"},
                           Case{cudaErrorInsufficientDriver, 0, "there is no driver"},
-                          Case{cudaErrorInsufficientDriver, 12040, "update it"}}) {
+                          Case{cudaErrorInsufficientDriver, 12040, "update it"},
+                          Case{cudaErrorSystemNotReady, 13000, "nvidia-fabricmanager"},
+                          Case{cudaErrorSystemDriverMismatch, 13000, "of different versions"}}) {
     faults = {.devices = one.devices, .driver = one.driver};
     const auto backend = make_cuda_backend();
     EXPECT_EQ(backend.status().code(), absl::StatusCode::kUnavailable);
@@ -375,6 +377,10 @@ TEST_F(CudaFaultTest, TellsWhatIsMissing) {
   EXPECT_EQ(backend.status().code(), absl::StatusCode::kUnavailable);
   EXPECT_NE(backend.status().message().find("CMAKE_CUDA_ARCHITECTURES"), std::string::npos)
       << backend.status();
+  faults = {.launch = cudaErrorDevicesUnavailable};
+  const auto rasterizer = visibility::make_cuda_rasterizer();
+  EXPECT_NE(rasterizer.status().message().find("another process"), std::string::npos)
+      << rasterizer.status();
 }
 
 TEST_F(CudaFaultTest, RunsOutOfMemoryWithoutLosingTheRest) {
@@ -413,6 +419,23 @@ TEST_F(CudaFaultTest, HoldsNoPoseOfAFrameThatWasLeftHalfWay) {
                     cuda.backend->geometry(*cuda.view).vertices, "vertices");
 }
 
+TEST_F(CudaFaultTest, DrawsNothingOfACastThatFoundNoMemory) {
+  Scene scene{.agents = 5};
+  Renderer cuda = Renderer::on_cuda();
+  ASSERT_NO_FATAL_FAILURE(generate_alone(cuda, scene));
+  const FrameGeometry geometry = cuda.backend->geometry(*cuda.view);
+  scene.walls = true;
+  Surroundings walls;
+  const auto longer = cast_of(scene, walls);
+  faults.most_bytes = 10;
+  EXPECT_EQ(cuda.rasterizer->upload(longer).code(), absl::StatusCode::kResourceExhausted);
+  faults = {};
+  Picture picture;
+  EXPECT_EQ(draw(cuda, geometry, scene, picture).code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_TRUE(cuda.rasterizer->upload(longer).ok());
+  EXPECT_TRUE(draw(cuda, geometry, scene, picture).ok());
+}
+
 TEST_F(CudaFaultTest, KeepsToItsLimitOfMemory) {
   const Scene scene{.agents = 50};
   Surroundings none;
@@ -437,7 +460,9 @@ TEST_F(CudaFaultTest, TellsOfAKernelThatWentWrong) {
   Renderer cuda = Renderer::on_cuda();
   ASSERT_NO_FATAL_FAILURE(generate_alone(cuda, scene));
   Picture picture;
-  for (const cudaError_t error : {cudaErrorIllegalAddress, cudaErrorLaunchFailure}) {
+  for (const cudaError_t error :
+       {cudaErrorIllegalAddress, cudaErrorLaunchFailure, cudaErrorLaunchTimeout,
+        cudaErrorMisalignedAddress, cudaErrorIllegalInstruction, cudaErrorECCUncorrectable}) {
     faults.wait = error;
     const absl::Status status = draw(cuda, cuda.backend->geometry(*cuda.view), scene, picture);
     EXPECT_EQ(status.code(), absl::StatusCode::kInternal) << status;

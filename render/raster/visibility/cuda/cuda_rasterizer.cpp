@@ -325,6 +325,9 @@ absl::Status CudaRasterizer::upload(std::shared_ptr<const Cast> cast) {
   for (const Level& level : levels.levels) {
     device_levels.push_back({level.vertex_count, level.triangle_count, level.first_triangle});
   }
+  // from here on the cast before is no longer whole: should this one fail there is none
+  cast_.reset();
+  device_cast_ = {};
   Buffers& b = *buffers_;
   THRONG_CUDA_TRY(copy(characters.data(), characters.size(), b.character, device.character),
                   kUpload);
