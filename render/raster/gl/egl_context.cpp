@@ -58,6 +58,11 @@ std::string gl_string(GLenum name) {
   return text == nullptr ? "unknown" : reinterpret_cast<const char*>(text);
 }
 
+constexpr char kRemedy[] =
+    "the graphics part of the device's driver is missing: install it (for an NVIDIA GPU in a "
+    "container NVIDIA_DRIVER_CAPABILITIES must name graphics), or libegl-mesa0 to draw on the "
+    "processor";
+
 /// One way to a display.
 struct Rung {
   std::string name;
@@ -78,15 +83,13 @@ Platforms find_platforms() {
   // libepoxy ends the process when the library is not there, so look first.
   static void* library = dlopen("libEGL.so.1", RTLD_NOW | RTLD_GLOBAL);
   if (library == nullptr) {
-    found.problem =
-        "libEGL.so.1 is not installed (Debian: libegl1, and libegl-mesa0 or the "
-        "graphics driver's own)";
+    found.problem = absl::StrCat("libEGL.so.1 is not installed (Debian: libegl1); ", kRemedy);
     return found;
   }
   const char* extensions = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
   if (extensions == nullptr) {
     found.problem = absl::StrCat("EGL has no client extensions (", egl_error(),
-                                 "): no driver is registered under glvnd/egl_vendor.d?");
+                                 "): no driver is registered under glvnd/egl_vendor.d; ", kRemedy);
     return found;
   }
   const bool devices = has_extension(extensions, "EGL_EXT_platform_device") &&
@@ -187,14 +190,17 @@ struct Ladder {
 
 absl::StatusOr<std::unique_ptr<EglContext>> EglContext::make(int cuda_device) {
   Platforms platforms = find_platforms();
-  // by what EGL says of its devices, never by their order, which is another one than CUDA's
-  if (cuda_device >= 0) {
-    std::stable_partition(
-        platforms.rungs.begin(), platforms.rungs.end(),
-        [cuda_device](const Rung& rung) { return rung.cuda_device == cuda_device; });
-  }
   if (!platforms.problem.empty()) return absl::UnavailableError(platforms.problem);
   std::vector<std::string> reasons = platforms.notes;
+  // by what EGL says of its devices, never by their order, which is another one than CUDA's
+  if (cuda_device >= 0) {
+    const auto others = std::stable_partition(
+        platforms.rungs.begin(), platforms.rungs.end(),
+        [cuda_device](const Rung& rung) { return rung.cuda_device == cuda_device; });
+    if (others == platforms.rungs.begin()) {
+      reasons.push_back(absl::StrCat("no EGL device is CUDA device ", cuda_device, ", ", kRemedy));
+    }
+  }
   const char* only = std::getenv("THRONG_EGL");
   for (const Rung& rung : platforms.rungs) {
     if (only != nullptr && *only != '\0') {
@@ -207,11 +213,14 @@ absl::StatusOr<std::unique_ptr<EglContext>> EglContext::make(int cuda_device) {
       }
     }
     auto context = Ladder::climb(rung);
-    if (context.ok()) return context;
+    if (context.ok()) {
+      (*context)->passed_by_ = absl::StrJoin(reasons, "; ");
+      return context;
+    }
     reasons.emplace_back(context.status().message());
   }
-  return absl::UnavailableError(
-      absl::StrCat("no EGL platform gives OpenGL 4.5 core: ", absl::StrJoin(reasons, "; ")));
+  return absl::UnavailableError(absl::StrCat(
+      "no EGL platform gives OpenGL 4.5 core: ", absl::StrJoin(reasons, "; "), "; ", kRemedy));
 }
 
 EglContext::~EglContext() {

@@ -14,7 +14,8 @@ namespace throng::render::gl {
 class EglContext {
  public:
   /// Unavailable with a reason for each platform and device that was tried.
-  /// @param cuda_device  an EGL device that is this CUDA device is tried first; -1: none is.
+  /// @param cuda_device  an EGL device that is this CUDA device is tried first, and where it is not
+  ///   taken `passed_by` says why; -1: none is asked for.
   static absl::StatusOr<std::unique_ptr<EglContext>> make(int cuda_device = -1);
   ~EglContext();
   EglContext(const EglContext&) = delete;
@@ -36,6 +37,8 @@ class EglContext {
   const std::string& renderer() const { return renderer_; }
   const std::string& version() const { return version_; }
   bool software() const { return software_; }
+  /// Why not on a platform that would have been better, empty: there is none.
+  const std::string& passed_by() const { return passed_by_; }
 
  private:
   friend struct Ladder;
@@ -46,7 +49,7 @@ class EglContext {
   void* before_context_ = nullptr;
   void* before_draw_ = nullptr;
   void* before_read_ = nullptr;
-  std::string platform_, vendor_, renderer_, version_;
+  std::string platform_, vendor_, renderer_, version_, passed_by_;
   bool software_ = false;
 };
 

@@ -189,8 +189,10 @@ class GlRasterizer final : public Rasterizer {
 
   RasterInfo info() const override {
     return {absl::StrCat("gl (", context_->renderer(), ", ", context_->platform(), ")"),
-            absl::StrCat(context_->vendor(), ", ", context_->renderer(), ", OpenGL ",
-                         context_->version(), interop_note_)};
+            absl::StrCat(
+                context_->vendor(), ", ", context_->renderer(), ", OpenGL ", context_->version(),
+                interop_note_,
+                context_->passed_by().empty() ? "" : "; not elsewhere: ", context_->passed_by())};
   }
 
   bool draws(Representation form) const override { return form <= Representation::kPoints; }
@@ -795,7 +797,8 @@ absl::StatusOr<std::unique_ptr<Rasterizer>> make_gl_rasterizer(unsigned threads,
   if (!context.ok()) return context.status();
   if (hardware_only && (*context)->software()) {
     return absl::FailedPreconditionError(
-        absl::StrCat("OpenGL is software here (", (*context)->renderer(), ")"));
+        absl::StrCat("OpenGL is software here (", (*context)->renderer(), ")",
+                     (*context)->passed_by().empty() ? "" : ": ", (*context)->passed_by()));
   }
   auto rasterizer = std::make_unique<GlRasterizer>(std::move(*context), threads);
   if (auto status = rasterizer->prepare(); !status.ok()) return status;

@@ -2,11 +2,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <thread>
 
 #include "render/compute/crowd_fixture.hpp"
+#include "render/raster/gl/egl_context.hpp"
 #include "render/raster/rasterizer_fixture.hpp"
 #include "support/image_compare.hpp"
 #include "support/raster_scene.hpp"
@@ -580,6 +582,35 @@ TEST(CudaInteropTest, VerticesOfADeviceAreDrawnAsThoseOfTheHost) {
 }
 
 TEST(MakeRasterizerTest, DescribesEveryPlatformTried) { EXPECT_FALSE(describe_egl().empty()); }
+
+/// A driver without its graphics part leaves EGL without a vendor, as in a container that is given
+/// nothing but CUDA.
+TEST(MakeRasterizerDeathTest, SaysWhatEglWithoutGraphicsLacks) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");  // a process that has not loaded EGL yet
+  const auto tell = [] {
+    setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent", 1);
+    const auto gl = make_rasterizer(RasterKind::kGl, 1);
+    std::fprintf(stderr, "%s", gl.status().ToString().c_str());
+    // and what is drawn with instead says so
+    const auto other = make_rasterizer(RasterKind::kAuto, 1);
+    if (!other.ok()) std::_Exit(2);
+    std::fprintf(stderr, "\n%s", (*other)->info().detail.c_str());
+    std::_Exit(gl.ok() ? 1 : 0);
+  };
+  EXPECT_EXIT(tell(), testing::ExitedWithCode(0),
+              "UNAVAILABLE.*NVIDIA_DRIVER_CAPABILITIES.*\n.*auto: .*NVIDIA_DRIVER_CAPABILITIES");
+}
+
+TEST(EglContextTest, SaysWhyItIsNotOnTheCudaDeviceThatWasAskedFor) {
+  auto any = gl::EglContext::make();
+  if (!any.ok()) GTEST_SKIP() << any.status().message();
+  constexpr int kNoDevice = 77;
+  const auto context = gl::EglContext::make(kNoDevice);
+  ASSERT_TRUE(context.ok()) << context.status();
+  EXPECT_THAT((*context)->passed_by(), testing::HasSubstr("no EGL device is CUDA device 77"));
+  EXPECT_THAT((*context)->passed_by(), testing::HasSubstr("NVIDIA_DRIVER_CAPABILITIES"));
+  EXPECT_THAT((*any)->passed_by(), testing::Not(testing::HasSubstr("CUDA")));
+}
 
 }  // namespace
 }  // namespace throng::render
