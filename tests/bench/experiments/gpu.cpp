@@ -39,6 +39,12 @@ double least_mb(const Row& row, const render::Viewport& viewport) {
          1e-6 * pixels * (4 * 8 * 2 + 4);
 }
 
+/// A time over that of moving no more than what must move, as fast as the device copies; 0:
+/// unknown.
+double times_floor(double device_ms, double least_mb, double copy_mb_per_ms) {
+  return least_mb > 0 ? device_ms * copy_mb_per_ms / least_mb : 0.0;
+}
+
 absl::Status measure(const Common& common, std::uint32_t draws, Row& row) {
   const render::Camera camera = raster_camera(common.viewport);
   const RasterScene scene = raster_scene(row.about, camera, common.viewport);
@@ -108,8 +114,15 @@ absl::Status run_gpu(const Common& common, const GpuOptions& options) {
     rows.push_back(std::move(row));
   }
   if (rows.empty()) return absl::CancelledError("gpu: stopped before the first row");
+  double copy_mb_per_ms = 0;
+#if THRONG_WITH_CUDA
+  const GpuRates rates = measure_gpu_rates();
+  if (!rates.error.empty()) return absl::InternalError("gpu: rates: " + rates.error);
+  copy_mb_per_ms = rates.copy_gb_per_s;
+#endif
   Table table({"instances x triangles, height", "Mtri", "device ms min", "median", "Gtri/s",
-               "surviving", "least MB moved", "MiB on the device", "as the processor's"});
+               "surviving", "least MB moved", "times floor", "MiB on the device",
+               "as the processor's"});
   nlohmann::ordered_json json = {{"experiment", "gpu"},
                                  {"machine", common.machine.json()},
                                  {"devices", render::describe_cuda()},
@@ -122,26 +135,27 @@ absl::Status run_gpu(const Common& common, const GpuOptions& options) {
     const double gtri = least > 0 ? row.mtri / least : 0.0;
     table.add({row.about.name(), fixed(row.mtri, 2), fixed(least, 3),
                fixed(median(row.device_ms), 3), fixed(gtri, 2), fixed(row.surviving, 2),
-               fixed(least_mb(row, common.viewport), 0), fixed(row.size_mib, 0),
-               row.same_picture ? "yes" : "NO"});
-    json["rows"].push_back({{"case", row.about.name()},
-                            {"triangles_per_mesh", row.about.triangles()},
-                            {"mtri", row.mtri},
-                            {"mvertices", row.mvertices},
-                            {"device_ms_min", least},
-                            {"device_ms_median", median(row.device_ms)},
-                            {"gtri_per_s", gtri},
-                            {"surviving", row.surviving},
-                            {"least_mb", least_mb(row, common.viewport)},
-                            {"device_mib", row.size_mib},
-                            {"same_picture_as_processor", row.same_picture}});
+               fixed(least_mb(row, common.viewport), 0),
+               fixed(times_floor(least, least_mb(row, common.viewport), copy_mb_per_ms), 1),
+               fixed(row.size_mib, 0), row.same_picture ? "yes" : "NO"});
+    json["rows"].push_back(
+        {{"case", row.about.name()},
+         {"triangles_per_mesh", row.about.triangles()},
+         {"mtri", row.mtri},
+         {"mvertices", row.mvertices},
+         {"device_ms_min", least},
+         {"device_ms_median", median(row.device_ms)},
+         {"gtri_per_s", gtri},
+         {"surviving", row.surviving},
+         {"least_mb", least_mb(row, common.viewport)},
+         {"times_floor", times_floor(least, least_mb(row, common.viewport), copy_mb_per_ms)},
+         {"device_mib", row.size_mib},
+         {"same_picture_as_processor", row.same_picture}});
   }
   std::printf("Visibility rasterizer on a CUDA device, %ux%u px, %u draws a case.\n%s\n\n%s\n",
               common.viewport.width_px, common.viewport.height_px, draws,
               common.machine.line().c_str(), table.text().c_str());
 #if THRONG_WITH_CUDA
-  const GpuRates rates = measure_gpu_rates();
-  if (!rates.error.empty()) return absl::InternalError("gpu: rates: " + rates.error);
   std::printf(
       "Copies %.0f GB/s; 64-bit maxima %.1f G/s each on a word of its own, %.1f 32 to a word, %.2f "
       "all on one; %.0f MiB of device memory in use.\n",
@@ -156,6 +170,14 @@ absl::Status run_gpu(const Common& common, const GpuOptions& options) {
   if (common.cast != nullptr) {
     auto frames = measure_gpu_frames(common, draws, options);
     if (!frames.ok()) return frames.status();
+    for (auto& frame : *frames) {
+      if (!frame.contains("device_ms_median")) continue;
+      double device_ms = 0;
+      for (const auto& [stage, ms] : frame["device_ms_median"].items())
+        device_ms += ms.get<double>();
+      frame["times_floor"] =
+          times_floor(device_ms, frame["least_mb"].get<double>(), copy_mb_per_ms);
+    }
     json["frames"] = *std::move(frames);
   }
   if (common.json.empty()) return absl::OkStatus();

@@ -49,7 +49,11 @@ cudaError_t time_of(Device& device, double& least_ms, const Body& body) {
 cudaError_t measure(GpuRates& rates) {
   Device device;
   constexpr std::size_t kBytes = std::size_t{1} << 30;
-  cudaError_t error = cudaMalloc(&device.from, kBytes);
+  // before this takes some itself
+  std::size_t free_bytes = 0, total_bytes = 0;
+  cudaError_t error = cudaMemGetInfo(&free_bytes, &total_bytes);
+  rates.used_mib = static_cast<double>(total_bytes - free_bytes) / (1 << 20);
+  if (error == cudaSuccess) error = cudaMalloc(&device.from, kBytes);
   if (error == cudaSuccess) error = cudaMalloc(&device.to, kBytes);
   if (error == cudaSuccess) error = cudaMemset(device.from, 0, kBytes);
   if (error == cudaSuccess) error = cudaEventCreate(&device.began);
@@ -78,9 +82,6 @@ cudaError_t measure(GpuRates& rates) {
     });
     rates.*pattern.rate = 1e-6 * kWords / ms;
   }
-  std::size_t free_bytes = 0, total_bytes = 0;
-  if (error == cudaSuccess) error = cudaMemGetInfo(&free_bytes, &total_bytes);
-  rates.used_mib = static_cast<double>(total_bytes - free_bytes) / (1 << 20);
   return error;
 }
 
