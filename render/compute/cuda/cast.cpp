@@ -22,6 +22,7 @@ cudaError_t copy(const std::vector<T>& from, DeviceBuffer<T>& to, const T*& poin
     return error;
   }
   pointer = to.data();
+  if (from.empty()) return cudaSuccess;
   return cudaMemcpyAsync(to.data(), from.data(), from.size() * sizeof(T), cudaMemcpyHostToDevice,
                          stream);
 }

@@ -31,6 +31,36 @@ namespace cuda {
 
 namespace {
 
+/// Page-locked memory that one block after the other is copied through.
+struct Staging {
+  PinnedBuffer bytes;
+  cudaEvent_t copied = nullptr;
+  Staging() = default;
+  Staging(const Staging&) = delete;
+  Staging& operator=(const Staging&) = delete;
+  ~Staging() {
+    if (copied == nullptr) return;
+    cudaEventSynchronize(copied);  // the copy is done before its memory goes
+    cudaEventDestroy(copied);
+  }
+
+  cudaError_t make() { return cudaEventCreateWithFlags(&copied, cudaEventDisableTiming); }
+
+  /// `write(to)` fills `size_bytes` of it, which are then copied. Waits for the copy before.
+  template <typename Write>
+  cudaError_t copy(std::size_t size_bytes, const Write& write, void* to, cudaStream_t stream) {
+    if (const cudaError_t error = cudaEventSynchronize(copied); error != cudaSuccess) return error;
+    if (const cudaError_t error = bytes.resize(size_bytes); error != cudaSuccess) return error;
+    write(bytes.data());
+    if (const cudaError_t error =
+            cudaMemcpyAsync(to, bytes.data(), size_bytes, cudaMemcpyHostToDevice, stream);
+        error != cudaSuccess) {
+      return error;
+    }
+    return cudaEventRecord(copied, stream);
+  }
+};
+
 /// The columns of a roster, uploaded once for all snapshots that share it.
 struct DeviceRoster {
   explicit DeviceRoster(cudaStream_t stream) : bytes(stream) {}
@@ -161,6 +191,7 @@ struct CudaView final : ViewWork {
   std::shared_ptr<const FarStore::Shape> far_shape;
   std::shared_ptr<const FarStore::Agents> far_agents;
   std::uint64_t far_version = 0;  // of far_share
+  Staging far_staging;            // which the shares are copied through
   DeviceBuffer<FarShare> far_share;
   DeviceBuffer<FarPlaced> far_place;
   DeviceBuffer<std::uint32_t> far_first, far_order;
@@ -194,14 +225,37 @@ struct CudaView final : ViewWork {
   DeviceFrame frame;
   FrameGeometry geometry;  // spans of read_back, or the frame
 
+  /// Of all buffers but that of posed meshes, which is told apart.
   std::uint64_t size_bytes() const {
-    const auto sum = [](const auto&... buffer) { return (buffer.size_bytes() + ...); };
-    return sum(work_size, fate, speck_order, specks, representation, jointed, first_joint, palettes,
-               first_splat, pointed, joints, splats, far_share, far_place, far_first, far_order,
-               far_shadows) +
-           sum(mask, order, visible, distance_m, tier, own, mesh, wanted, size, is_made, list,
-               posed_table, shared, share, vertex_count, triangle_count, vertex_offset,
-               triangle_offset, vertices, held_vertices, held, indices, scratch, sums, counters);
+    std::uint64_t sum = 0;
+    for_buffers(*this, [&](const auto& buffer) { sum += buffer.size_bytes(); });
+    return sum;
+  }
+
+  /// Gives back all that it holds, and what it knows of frames before: others may need the room.
+  void release() {
+    for_buffers(*this, [](auto& buffer) { buffer.release(); });
+    posed.release();
+    posed_cast.reset();
+    instances.reset();
+    posed_used = far_version = held_total = 0;
+    held_slots = 0;
+    remembers = false;
+    stage = ViewStage::kNew;
+  }
+
+ private:
+  template <typename Self, typename Visit>
+  static void for_buffers(Self& view, const Visit& visit) {
+    const auto each = [&](auto&... buffer) { (visit(buffer), ...); };
+    each(view.mask, view.order, view.visible, view.distance_m, view.work_size, view.fate,
+         view.speck_order, view.specks, view.representation, view.jointed, view.first_joint,
+         view.palettes, view.first_splat, view.pointed, view.joints, view.splats, view.far_share,
+         view.far_place, view.far_first, view.far_order, view.far_shadows);
+    each(view.tier, view.own, view.mesh, view.wanted, view.size, view.is_made, view.list,
+         view.posed_table, view.shared, view.share, view.vertex_count, view.triangle_count,
+         view.vertex_offset, view.triangle_offset, view.vertices, view.held_vertices, view.held,
+         view.indices, view.scratch, view.sums, view.command, view.counters);
   }
 };
 
@@ -257,9 +311,6 @@ class CudaBackend final : public ComputeBackend {
     roster_.reset();
     specks_.reset();
     far_store_.clear();
-    for (Staging& staging : staging_) {
-      if (staging.copied != nullptr) cudaEventDestroy(staging.copied);
-    }
     if (stream_ != nullptr) {
       cudaStreamSynchronize(stream_);
       cudaStreamDestroy(stream_);
@@ -393,6 +444,7 @@ class CudaBackend final : public ComputeBackend {
     THRONG_CUDA_TRY(cudaSetDevice(device_), "make_view");
     THRONG_CUDA_TRY(cudaEventCreateWithFlags(&view->frame.drawn, cudaEventDisableTiming),
                     "make_view");
+    THRONG_CUDA_TRY(view->far_staging.make(), "make_view");
     return view;
   }
 
@@ -416,39 +468,7 @@ class CudaBackend final : public ComputeBackend {
     own->speck_store.reset();
     own->forward = -glm::vec3(glm::transpose(view_from_relative(camera))[2]);
     own->instances = std::move(own_instances);
-    own->projection = projection_of(camera, viewport);
-    own->frustum = element::frustum_from(clip_from_relative(camera, viewport));
-    const std::uint32_t slots = own->instances->count;
-    std::size_t scratch_bytes = 0;
-    THRONG_CUDA_TRY(scan_scratch_bytes(slots + 1, scratch_bytes), "cull");
-    THRONG_CUDA_TRY(own->scratch.resize(scratch_bytes), "cull");
-    THRONG_CUDA_TRY(own->mask.resize(slots), "cull");
-    THRONG_CUDA_TRY(own->order.resize(slots), "cull");
-    THRONG_CUDA_TRY(own->visible.resize(slots), "cull");
-    THRONG_CUDA_TRY(own->distance_m.resize(slots), "cull");
-    if (own->counters.data() == nullptr) {
-      THRONG_CUDA_TRY(own->counters.resize(1), "cull");
-      THRONG_CUDA_TRY(cudaMemsetAsync(own->counters.data(), 0, sizeof(DeviceCounters), stream_),
-                      "cull");
-    }
-    CullJob job;
-    job.frustum = own->frustum;
-    job.eye_offset_m = camera.eye_world - own->instances->origin_world;
-    job.slots = slots;
-    job.sphere_m = own->instances->sphere_m.data();
-    job.state = own->instances->state.data();
-    job.mask = own->mask.data();
-    job.order = own->order.data();
-    job.visible = own->visible.data();
-    job.distance_m = own->distance_m.data();
-    job.counters = own->counters.data();
-    job.agents = slots - own->instances->surrounding;
-    job.far_m = own->far_m;
-    job.is_near = camera.ortho_height_m <= 0.0;
-    own->cull_job = own->cull_seen = job;
-    own->seen = DeviceCounters();
-    own->stage = ViewStage::kCulled;
-    return absl::OkStatus();
+    return or_release(*own, prepare_cull(*own, camera, viewport));
   }
 
   absl::Status select(ViewWork& view, const Selection& selection) override {
@@ -463,13 +483,13 @@ class CudaBackend final : public ComputeBackend {
     own->asked.reset();
     if (selection.form != FormRule::kMixed || !(selection.mixed.budget_ms > 0.0)) {
       own->error_px = 0.0F;
-      return prepare_select(*own, selection);
+      return or_release(*own, prepare_select(*own, selection));
     }
     // by the error of the frame before; who is in view is known once the device has told
     own->asked = selection;
     Selection before = selection;
     if (own->error_px > 0.0F) set_error(before, kept_error(selection.mixed, own->error_px));
-    return prepare_select(*own, before);
+    return or_release(*own, prepare_select(*own, before));
   }
 
   absl::Status allocate(ViewWork& view) override {
@@ -481,11 +501,10 @@ class CudaBackend final : public ComputeBackend {
     }
     own->stage = ViewStage::kSelected;
     THRONG_CUDA_TRY(cudaSetDevice(device_), "allocate");
-    if (absl::Status status = run_stages(*own); !status.ok()) return status;
-    if (own->asked.has_value()) {
-      if (absl::Status status = fit(*own); !status.ok()) return status;
-    }
-    return make_room(*own);
+    absl::Status status = run_stages(*own);
+    if (status.ok() && own->asked.has_value()) status = fit(*own);
+    if (status.ok()) status = make_room(*own);
+    return or_release(*own, std::move(status));
   }
 
   absl::Status generate(ViewWork& view) override {
@@ -614,19 +633,11 @@ class CudaBackend final : public ComputeBackend {
   }
 
  private:
-  /// Page-locked memory that one snapshot after the other is copied through.
-  struct Staging {
-    PinnedBuffer bytes;
-    cudaEvent_t copied = nullptr;
-  };
-
   explicit CudaBackend(int device) : device_(device) {}
 
   absl::Status begin() {
     THRONG_CUDA_TRY(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "stream");
-    for (Staging& staging : staging_) {
-      THRONG_CUDA_TRY(cudaEventCreateWithFlags(&staging.copied, cudaEventDisableTiming), "event");
-    }
+    for (Staging& staging : staging_) THRONG_CUDA_TRY(staging.make(), "event");
     return absl::OkStatus();
   }
 
@@ -638,21 +649,10 @@ class CudaBackend final : public ComputeBackend {
   cudaError_t copy(const Packer& packer, DeviceBuffer<std::byte>& to) {
     Staging& staging = staging_[next_staging_];
     next_staging_ = (next_staging_ + 1) % staging_.size();
-    if (const cudaError_t error = cudaEventSynchronize(staging.copied); error != cudaSuccess) {
-      return error;
-    }
     const std::size_t size_bytes = packer.size_bytes();
-    if (const cudaError_t error = staging.bytes.resize(size_bytes); error != cudaSuccess) {
-      return error;
-    }
     if (const cudaError_t error = to.resize(size_bytes); error != cudaSuccess) return error;
-    packer.write(staging.bytes.data());
-    if (const cudaError_t error = cudaMemcpyAsync(to.data(), staging.bytes.data(), size_bytes,
-                                                  cudaMemcpyHostToDevice, stream_);
-        error != cudaSuccess) {
-      return error;
-    }
-    return cudaEventRecord(staging.copied, stream_);
+    return staging.copy(
+        size_bytes, [&](void* bytes) { packer.write(bytes); }, to.data(), stream_);
   }
 
   /// Leaves the roster in roster_.
@@ -672,6 +672,49 @@ class CudaBackend final : public ComputeBackend {
     result->columns.seed = reinterpret_cast<const std::uint32_t*>(base + seed);
     result->columns.character = reinterpret_cast<const std::uint16_t*>(base + character);
     roster_ = std::move(result);
+    return absl::OkStatus();
+  }
+
+  /// A crowd for which there is no room takes none from others.
+  static absl::Status or_release(CudaView& view, absl::Status status) {
+    if (absl::IsResourceExhausted(status)) view.release();
+    return status;
+  }
+
+  /// Takes note of who is looked for, with room for all.
+  absl::Status prepare_cull(CudaView& view, const Camera& camera, const Viewport& viewport) {
+    view.projection = projection_of(camera, viewport);
+    view.frustum = element::frustum_from(clip_from_relative(camera, viewport));
+    const std::uint32_t slots = view.instances->count;
+    std::size_t scratch_bytes = 0;
+    THRONG_CUDA_TRY(scan_scratch_bytes(slots + 1, scratch_bytes), "cull");
+    THRONG_CUDA_TRY(view.scratch.resize(scratch_bytes), "cull");
+    THRONG_CUDA_TRY(view.mask.resize(slots), "cull");
+    THRONG_CUDA_TRY(view.order.resize(slots), "cull");
+    THRONG_CUDA_TRY(view.visible.resize(slots), "cull");
+    THRONG_CUDA_TRY(view.distance_m.resize(slots), "cull");
+    if (view.counters.data() == nullptr) {
+      THRONG_CUDA_TRY(view.counters.resize(1), "cull");
+      THRONG_CUDA_TRY(cudaMemsetAsync(view.counters.data(), 0, sizeof(DeviceCounters), stream_),
+                      "cull");
+    }
+    CullJob job;
+    job.frustum = view.frustum;
+    job.eye_offset_m = camera.eye_world - view.instances->origin_world;
+    job.slots = slots;
+    job.sphere_m = view.instances->sphere_m.data();
+    job.state = view.instances->state.data();
+    job.mask = view.mask.data();
+    job.order = view.order.data();
+    job.visible = view.visible.data();
+    job.distance_m = view.distance_m.data();
+    job.counters = view.counters.data();
+    job.agents = slots - view.instances->surrounding;
+    job.far_m = view.far_m;
+    job.is_near = camera.ortho_height_m <= 0.0;
+    view.cull_job = view.cull_seen = job;
+    view.seen = DeviceCounters();
+    view.stage = ViewStage::kCulled;
     return absl::OkStatus();
   }
 
@@ -963,7 +1006,13 @@ class CudaBackend final : public ComputeBackend {
     }
     if (view.far_version != far->shares_version) {
       view.far_version = 0;
-      THRONG_CUDA_TRY(copy_far(far->shares, view.far_share, stream_), kCall);
+      THRONG_CUDA_TRY(view.far_share.resize(far->shares.size()), kCall);
+      const auto write = [&](void* to) {
+        std::memcpy(to, far->shares.data(), far->shares.size_bytes());
+      };
+      THRONG_CUDA_TRY(
+          view.far_staging.copy(far->shares.size_bytes(), write, view.far_share.data(), stream_),
+          kCall);
       view.far_version = far->shares_version;
     }
     const CudaInstances& instances = *view.instances;
@@ -1014,10 +1063,12 @@ class CudaBackend final : public ComputeBackend {
     THRONG_CUDA_TRY(view.is_made.resize(job.meshes), "allocate");
     THRONG_CUDA_TRY(view.list.resize(job.meshes), "allocate");
     if (view.share_poses && view.posed_cast != view.instances->cast) {
-      THRONG_CUDA_TRY(view.posed_table.resize(job.meshes), "allocate");
-      THRONG_CUDA_TRY(
-          cudaMemsetAsync(view.posed_table.data(), 0, job.meshes * sizeof(PosedMesh), stream_),
-          "allocate");
+      if (job.meshes > 0) {
+        THRONG_CUDA_TRY(view.posed_table.resize(job.meshes), "allocate");
+        THRONG_CUDA_TRY(
+            cudaMemsetAsync(view.posed_table.data(), 0, job.meshes * sizeof(PosedMesh), stream_),
+            "allocate");
+      }
       view.posed_cast = view.instances->cast;
       view.posed_used = 0;
     }

@@ -104,9 +104,10 @@ absl::StatusOr<int> device_count(const char* call) {
 /// Runs an empty kernel there.
 absl::Status try_device(int device, const char* call) {
   THRONG_CUDA_TRY(cudaSetDevice(device), call);
-  // what a frame gives back is kept for the next one, not returned whenever the host waits
+  // what a frame gives back is kept for the next one, not returned whenever the host waits; only
+  // what is beyond the limit is
   cudaMemPool_t pool = nullptr;
-  std::uint64_t threshold_bytes = std::numeric_limits<std::uint64_t>::max();
+  std::uint64_t threshold_bytes = limit_bytes.load();
   THRONG_CUDA_TRY(cudaDeviceGetDefaultMemPool(&pool, device), call);
   THRONG_CUDA_TRY(cudaMemPoolSetAttribute(pool, cudaMemPoolAttrReleaseThreshold, &threshold_bytes),
                   call);

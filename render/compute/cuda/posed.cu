@@ -121,10 +121,10 @@ std::uint32_t blocks_for(std::uint32_t count) { return (count + kFlat - 1) / kFl
 cudaError_t launch_want_poses(const PosedJob& job, cudaStream_t stream) {
   THRONG_LAUNCH_APART(clear_kernel, 1, 1, stream, job);
   if (job.slots == 0) return cudaGetLastError();
-  const std::size_t wanted_bytes = job.meshes * sizeof(std::uint32_t);
-  if (const cudaError_t error = cudaMemsetAsync(job.wanted, 0, wanted_bytes, stream);
-      error != cudaSuccess) {
-    return error;
+  if (job.meshes > 0) {
+    const std::size_t wanted_bytes = job.meshes * sizeof(std::uint32_t);
+    const cudaError_t error = cudaMemsetAsync(job.wanted, 0, wanted_bytes, stream);
+    if (error != cudaSuccess) return error;
   }
   THRONG_LAUNCH_APART(want_kernel, blocks_for(job.slots), kFlat, stream, job);
   if (job.meshes == 0) return cudaGetLastError();

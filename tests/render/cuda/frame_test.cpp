@@ -419,6 +419,33 @@ TEST_F(CudaFaultTest, HoldsNoPoseOfAFrameThatWasLeftHalfWay) {
                     cuda.backend->geometry(*cuda.view).vertices, "vertices");
 }
 
+TEST_F(CudaFaultTest, ACrowdWithoutRoomLeavesItToOthers) {
+  const Scene small{.agents = 20};
+  Scene large = small;
+  large.agents = 2'000;
+  Surroundings none;
+  const auto cast = cast_of(small, none);
+  const auto few = crowd_of(small, cast), many = crowd_of(large, cast);
+  Renderer cuda = Renderer::on_cuda();
+  ASSERT_TRUE(cuda.upload(cast).ok());
+  ASSERT_TRUE(generate(cuda, small, *few, none).ok());
+  const std::uint64_t held_bytes = render::cuda::device_memory_held();
+  // wherever it is that there is no more
+  int refused = 0;
+  for (std::uint64_t more = 400'000; more < 20'000'000; more += 200'000) {
+    render::cuda::limit_device_memory(held_bytes + more);
+    const absl::Status status = generate(cuda, large, *many, none);
+    render::cuda::limit_device_memory(UINT64_MAX);
+    if (status.ok()) break;
+    EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted) << status;
+    EXPECT_LT(render::cuda::device_memory_held(), held_bytes + 100'000) << status;  // the roster
+    ++refused;
+    ASSERT_TRUE(generate(cuda, small, *few, none).ok());
+  }
+  EXPECT_GT(refused, 3);
+  EXPECT_LT(refused, 90);
+}
+
 TEST_F(CudaFaultTest, DrawsNothingOfACastThatFoundNoMemory) {
   Scene scene{.agents = 5};
   Renderer cuda = Renderer::on_cuda();

@@ -242,8 +242,10 @@ inline void Block::resume(unsigned i) {
 inline void launch(const char* name, unsigned blocks, unsigned threads, std::size_t shared_bytes,
                    const std::function<void()>& kernel) {
   capture(name);
-  if (blocks == 0 || threads == 0 || threads > 1024) {
-    faults.launch = cudaErrorInvalidValue;  // as the runtime
+  // as the runtime; more shared memory would have to be asked for by an attribute of the kernel
+  constexpr std::size_t kMostSharedBytes = 48 << 10;
+  if (blocks == 0 || threads == 0 || threads > 1024 || shared_bytes > kMostSharedBytes) {
+    faults.launch = cudaErrorInvalidValue;
     return;
   }
   gridDim = {blocks, 1, 1};
@@ -397,12 +399,14 @@ inline cudaError_t cudaFreeHost(void* data) {
 inline cudaError_t cudaMemcpyAsync(void* to, const void* from, std::size_t size_bytes,
                                    cudaMemcpyKind, cudaStream_t) {
   throng::test::cuda_on_host::capture("copy");
+  if (to == nullptr || from == nullptr) return cudaErrorInvalidValue;  // stricter than the runtime
   if (size_bytes > 0) std::memcpy(to, from, size_bytes);
   return cudaSuccess;
 }
 inline cudaError_t cudaMemsetAsync(void* to, int value, std::size_t size_bytes, cudaStream_t) {
   throng::test::cuda_on_host::capture("set");
-  if (size_bytes > 0) std::memset(to, value, size_bytes);
+  if (to == nullptr || size_bytes == 0) return cudaErrorInvalidValue;  // stricter than the runtime
+  std::memset(to, value, size_bytes);
   return cudaSuccess;
 }
 inline cudaError_t cudaStreamCreateWithFlags(cudaStream_t* stream, unsigned) {

@@ -1,5 +1,6 @@
 #include "render/raster/visibility/cuda/cuda_rasterizer.hpp"
 
+#include <absl/cleanup/cleanup.h>
 #include <absl/strings/str_cat.h>
 #include <cuda_runtime_api.h>
 
@@ -776,6 +777,11 @@ absl::Status CudaRasterizer::draw(const FrameGeometry& geometry, const Camera& c
   job.view_from_relative = glm::mat3(view_from_relative(camera));
   job.camera_up = glm::transpose(job.view_from_relative)[1];
   if (absl::Status status = take_geometry(geometry, job); !status.ok()) return status;
+  // the view's next frame waits for what looks at this one, also where something fails half-way
+  const auto* frame = dynamic_cast<const DeviceFrame*>(geometry.on_device);
+  absl::Cleanup leave_frame = [this, frame] {
+    if (frame != nullptr) cudaEventRecord(frame->drawn, stream_);
+  };
   if (absl::Status status = take_splats(geometry.splats, job); !status.ok()) return status;
   if (absl::Status status = take_shadows(geometry, job); !status.ok()) return status;
   if (absl::Status status = place_specks(job); !status.ok()) return status;
@@ -810,11 +816,9 @@ absl::Status CudaRasterizer::draw(const FrameGeometry& geometry, const Camera& c
                                   cudaMemcpyDeviceToHost, stream_),
                   kDraw);
   THRONG_CUDA_TRY(cudaEventRecord(ended_, stream_), kDraw);
-  if (geometry.on_device != nullptr) {
-    // last of all: the stages of the next frame wait for it, so that they find this one's times
-    const auto* frame = dynamic_cast<const DeviceFrame*>(geometry.on_device);
-    THRONG_CUDA_TRY(cudaEventRecord(frame->drawn, stream_), kDraw);
-  }
+  // last of all: the stages of the next frame wait for it, so that they find this one's times
+  std::move(leave_frame).Cancel();
+  if (frame != nullptr) THRONG_CUDA_TRY(cudaEventRecord(frame->drawn, stream_), kDraw);
   counts_pending_ = true;
   counters_.drawn = job.count;
   counters_.triangles = job.triangles_drawn;
