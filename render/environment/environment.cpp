@@ -104,13 +104,22 @@ void add_top(Pieces& pieces, const std::array<glm::dvec2, 3>& corners, float hei
            glm::vec3(0, 0, 1), u);
 }
 
+/// About how many triangles add_top makes of one. Halves of a right-angled isosceles triangle,
+/// which all come near to, have an area over an eighth of their longest side's square.
+double parts_of(const std::array<glm::dvec2, 3>& corners, double piece_m) {
+  const glm::dvec2 u = corners[1] - corners[0], v = corners[2] - corners[0];
+  const double longest_m =
+      std::max({glm::length(u), glm::length(v), glm::distance(corners[1], corners[2])});
+  return 1.0 + 2.0 * longest_m / piece_m +
+         4.0 * std::abs(u.x * v.y - u.y * v.x) / (piece_m * piece_m);
+}
+
 /// A site may be large or finely drawn, but its parts have to fit into memory.
-absl::Status check_size(const Footprint& footprint) {
+/// @param what  "its walls" or "its surfaces"
+absl::Status check_parts(const char* what, double parts) {
   constexpr double kMostParts = 2e6;
-  double parts = static_cast<double>(footprint.triangles.size());
-  for (const auto& [a, b] : footprint.edges) parts += 2.0 * glm::distance(a, b) / kPieceM + 2.0;
   if (parts <= kMostParts) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat("walkable area: its walls have about ", parts,
+  return absl::InvalidArgumentError(absl::StrCat("walkable area: ", what, " have about ", parts,
                                                  " triangles, must be at most ", kMostParts));
 }
 
@@ -163,9 +172,15 @@ static absl::StatusOr<std::shared_ptr<const Environment>> make(const std::string
   // a town has fewer and larger pieces
   constexpr double kManyPieces = 8'000.0;
   double piece_m = kPieceM;
-  while (!laid.empty() && (high.x - low.x) / piece_m * ((high.y - low.y) / piece_m) > kManyPieces) {
-    piece_m *= 2.0;
+  const auto cells = [&](double from, double to) {
+    return 1.0 + std::max(0.0, to - from) / piece_m;
+  };
+  while (!laid.empty() && cells(low.x, high.x) * cells(low.y, high.y) > kManyPieces) piece_m *= 2.0;
+  double parts = 0.0;
+  for (const Laid& one : laid) {
+    for (const auto& triangle : one.triangles) parts += parts_of(triangle, piece_m);
   }
+  if (absl::Status status = check_parts("its surfaces", parts); !status.ok()) return status;
   Pieces pieces;
   for (const Laid& one : laid) {
     for (const auto& triangle : one.triangles) {
@@ -177,7 +192,10 @@ static absl::StatusOr<std::shared_ptr<const Environment>> make(const std::string
     auto footprint =
         solids_around(site->area, origin_m, options.wall_thickness_m, options.cancelled);
     if (!footprint.ok()) return footprint.status();
-    if (absl::Status status = check_size(*footprint); !status.ok()) return status;
+    parts = 0.0;
+    for (const auto& triangle : footprint->triangles) parts += parts_of(triangle, piece_m);
+    for (const auto& [a, b] : footprint->edges) parts += 2.0 * glm::distance(a, b) / piece_m + 2.0;
+    if (absl::Status status = check_parts("its walls", parts); !status.ok()) return status;
     const auto height_m = static_cast<float>(options.wall_height_m);
     for (const auto& [a, b] : footprint->edges) raise_side(pieces, a, b, height_m, piece_m);
     for (const auto& triangle : footprint->triangles) {

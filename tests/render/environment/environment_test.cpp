@@ -220,6 +220,25 @@ TEST(EnvironmentTest, ATownHasFewPieces) {
   EXPECT_LT((*town)->pieces.size(), 10'000U);
 }
 
+TEST(EnvironmentTest, WhatWouldNotFitIntoMemoryIsRefusedBeforeItIsCut) {
+  // 3,000 slivers as long as the world, and a solid block of 300 km
+  std::string slivers = "\n;ROAD MULTIPOLYGON (";
+  for (int i = 0; i < 3'000; ++i) {
+    const double y = 0.001 * i;
+    absl::StrAppend(&slivers, i == 0 ? "((" : ", ((", "-9e6 ", y, ", 9e6 ", y, ", 9e6 ", y + 0.0005,
+                    ", -9e6 ", y, "))");
+  }
+  const std::string wrong[] = {
+      slivers + ")",
+      "POLYGON ((0 0, 300010 0, 300010 300010, 0 300010, 0 0), (5 5, 5 300005, 300005 300005, "
+      "300005 5, 5 5))"};
+  for (const std::string& wkt : wrong) {
+    const absl::Status status = make_environment(wkt, {}).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << status;
+    EXPECT_NE(status.message().find("triangles, must be at most"), std::string::npos) << status;
+  }
+}
+
 TEST(EnvironmentTest, WhoNoLongerWaitsIsNotServed) {
   const std::atomic<bool> cancelled{true};
   EXPECT_EQ(make_environment(star(1'500), {}, {.cancelled = &cancelled}).status().code(),
