@@ -116,14 +116,14 @@ void NamedCrowd::see(const render::Snapshot& newest) {
               : now;
 }
 
-CrowdReport NamedCrowd::report() const {
+CrowdReport NamedCrowd::report(bool with_area) const {
   CrowdReport report;
   report.name = name_;
   report.viewers = viewers();
   const std::lock_guard lock(mutex_);
   report.run_id = start_.run_id;
   report.producer = start_.producer;
-  report.walkable_area_wkt = walkable_area_wkt_;
+  if (with_area) report.walkable_area_wkt = walkable_area_wkt_;
   report.channels = start_.channels;
   if (std::none_of(report.channels.begin(), report.channels.end(),
                    [](const ChannelInfo& one) { return one.name == render::kSpeedChannelName; })) {
@@ -449,7 +449,7 @@ std::vector<CrowdReport> Registry::list() const {
   }
   std::vector<CrowdReport> reports;
   reports.reserve(crowds.size());
-  for (const std::shared_ptr<NamedCrowd>& crowd : crowds) reports.push_back(crowd->report());
+  for (const std::shared_ptr<NamedCrowd>& crowd : crowds) reports.push_back(crowd->report(false));
   return reports;
 }
 

@@ -45,7 +45,7 @@ struct CrowdReport {
   std::string name;
   std::string run_id;
   std::string producer;
-  std::string walkable_area_wkt;
+  std::string walkable_area_wkt;  // empty in a list: it may be megabytes
   std::vector<ChannelInfo> channels;
   bool live = false;
   std::uint32_t agents = 0;
@@ -79,7 +79,7 @@ class NamedCrowd {
 
   const std::string& name() const { return name_; }
   Moment moment(Clock::time_point now);
-  CrowdReport report() const;
+  CrowdReport report(bool with_area = true) const;
   /// Index of the channel in the current run, -1 if it has none of that name. "speed" is there
   /// even if the producer sends none.
   int channel_index(const std::string& channel) const;

@@ -213,7 +213,9 @@ TEST_F(RegistryTest, RefusesAWalkableAreaThatIsTooLong) {
   const absl::Status bad = producer->set_walkable_area("POLYGON ((0 0, 1 0");
   EXPECT_EQ(bad.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_NE(bad.message().find("environment.walkable_area_wkt"), std::string::npos) << bad;
-  EXPECT_EQ(registry.list().at(0).walkable_area_wkt, "POLYGON ((0 0, 1 0, 1 1, 0 0))");
+  EXPECT_EQ(registry.find("a").value()->report().walkable_area_wkt,
+            "POLYGON ((0 0, 1 0, 1 1, 0 0))");
+  EXPECT_EQ(registry.list().at(0).walkable_area_wkt, "") << "megabytes, every few seconds";
 }
 
 class RegistryRecordingTest : public RegistryTest {
@@ -297,7 +299,7 @@ TEST_F(RegistryRecordingTest, BringsTheLastRunBackAndGoesOnWithIt) {
   EXPECT_TRUE(recording->list().empty());
   recording->resume();
   ASSERT_EQ(recording->list().size(), 1U);
-  CrowdReport report = recording->list()[0];
+  CrowdReport report = recording->find(recording->list().at(0).name).value()->report();
   EXPECT_FALSE(report.live);
   EXPECT_EQ(report.frames, 3U);
   EXPECT_EQ(report.newest_time_us, 200'000);
@@ -373,7 +375,7 @@ TEST_F(RegistryRecordingTest, ARunComesBackWithoutAnAreaThatCanNotBeBuilt) {
   recording->resume();
   ASSERT_EQ(recording->list().size(), 1U);
   EXPECT_EQ(recording->list()[0].agents, 1U);
-  EXPECT_EQ(recording->list()[0].walkable_area_wkt, "");
+  EXPECT_EQ(recording->find(recording->list()[0].name).value()->report().walkable_area_wkt, "");
 }
 
 TEST_F(RegistryRecordingTest, AFrameThatDoesNotFitCostsItselfOnly) {
