@@ -407,7 +407,7 @@ def _answers_http(target: str) -> bool:
             door.settimeout(0.7)
             door.sendall(b"HEAD / HTTP/1.0\r\n\r\n")
             return door.recv(7) == b"HTTP/1."
-    except OSError:
+    except (OSError, ValueError):  # ValueError: a name that no host can have
         return False
 
 

@@ -16,6 +16,7 @@ import logging
 import math
 import os
 import xml.etree.ElementTree as ET
+import zlib
 from typing import IO, TYPE_CHECKING, Any, Dict, List, Optional, Tuple, Union, cast
 
 import numpy as np
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 _log = logging.getLogger("throng")
 _LANE_WIDTH_M = 3.2  # SUMO's, where a lane has none
 _STRIPE_M = 0.5      # of a crossing, and between two
+_LONGEST_CROSSING_M = 1000.0
+_FARTHEST_M = 1e8
 _Line = List[Tuple[float, float]]
 
 
@@ -52,7 +55,7 @@ def streets(path: Union[str, "os.PathLike[str]"]) -> str:
                 if root is None:
                     root = element
                     if element.tag != "net":
-                        raise ValueError(f"{path}: the root element is {element.tag!r}, must be 'net'")
+                        raise ValueError(f"the root element is {element.tag!r}, must be 'net'")
                 if event == "start":
                     function = element.get("function", "") if element.tag == "edge" else function
                     continue
@@ -60,6 +63,8 @@ def streets(path: Union[str, "os.PathLike[str]"]) -> str:
                     add("ROAD", _points(element.get("shape", "")))
                 elif element.tag == "lane" and function not in ("internal", "connector"):
                     line, width = _points(element.get("shape", "")), float(element.get("width", _LANE_WIDTH_M))
+                    if not 0 < width < 1e3:
+                        raise ValueError(f"a lane's width is {width}, must be metres")
                     allow = element.get("allow", "")
                     if function == "walkingarea":
                         add("WALK", line)
@@ -70,7 +75,7 @@ def streets(path: Union[str, "os.PathLike[str]"]) -> str:
                         add("WALK" if allow == "pedestrian" else "ROAD", _strip(line, width))
                 if element.tag in ("edge", "junction"):
                     root.clear()
-        except ET.ParseError as error:
+        except (ET.ParseError, ValueError, EOFError, zlib.error) as error:
             raise ValueError(f"{path}: {error}") from None
     text = "".join(f"\n;{name} MULTIPOLYGON ({', '.join(rings)})" for name, rings in surfaces.items() if rings)
     if not text:
@@ -81,7 +86,12 @@ def streets(path: Union[str, "os.PathLike[str]"]) -> str:
 def _points(shape: str) -> _Line:
     points: _Line = []
     for word in shape.split():
-        x, y = (float(value) for value in word.split(",")[:2])
+        try:
+            x, y = (float(value) for value in word.split(",")[:2])
+        except ValueError:
+            x = y = math.nan
+        if not (abs(x) <= _FARTHEST_M and abs(y) <= _FARTHEST_M):
+            raise ValueError(f"a shape has {word!r}, must be x,y in metres")
         if not points or math.dist(points[-1], (x, y)) > 1e-3:
             points.append((x, y))
     return points
@@ -105,6 +115,8 @@ def _stripes(line: _Line) -> List[_Line]:
     stripes: List[_Line] = []
     for (ax, ay), (bx, by) in zip(line, line[1:]):
         way, at = math.dist((ax, ay), (bx, by)), _STRIPE_M / 2
+        if way > _LONGEST_CROSSING_M:
+            raise ValueError(f"a crossing is {way:g} m long, at most {_LONGEST_CROSSING_M:g} m is read")
         while at + _STRIPE_M <= way:
             stripes.append([(ax + (bx - ax) * s / way, ay + (by - ay) * s / way) for s in (at, at + _STRIPE_M)])
             at += 2 * _STRIPE_M

@@ -344,6 +344,10 @@ def test_the_pages_address_is_told_from_the_servers(caplog):
     assert f"{address} answers HTTP: that is the address of a page" in caplog.text
 
 
+def test_a_name_that_no_host_can_have_is_no_page_and_ends_no_thread():
+    assert not _sender._answers_http(f"{'a' * 64}.b:7447")
+
+
 def test_token_goes_along_and_stays_out_of_the_log(server, caplog, monkeypatch):
     monkeypatch.setenv("THRONG_TOKEN", "from-the-environment")
     with throng.connect(server.url) as pub:

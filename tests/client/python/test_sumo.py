@@ -71,7 +71,10 @@ def test_streets_are_lanes_in_their_width_junctions_and_stripes(tmp_path):
         "((20.00 0.00,24.00 0.00,24.00 4.00,20.00 0.00)))",
         ";WALK MULTIPOLYGON (((0.00 6.00,10.00 6.00,10.00 4.00,0.00 4.00,0.00 6.00)))",
         ";MARK MULTIPOLYGON (((-2.00 0.25,-2.00 0.75,2.00 0.75,2.00 0.25,-2.00 0.25)))"]
-    for text in (b"<routes/>", b"<net><edge", b"<net/>"):
+    crossing = '<net><edge id=":c" function="crossing"><lane shape="0,0 %s" width="%s"/></edge></net>'
+    for text in (b"<routes/>", b"<net><edge", b"<net/>", gzip.compress(bytes(999))[:-9],
+                 *((crossing % wrong).encode() for wrong in (
+                     ("inf,0", 4), ("9e7,0", 4), ("nan,0", 4), ("7", 4), ("0,9", "inf"), ("0,9", "wide")))):
         path.write_bytes(text)
-        with pytest.raises(ValueError, match="a.net.xml.gz"):
+        with pytest.raises(ValueError, match="a.net.xml.gz: "):
             streets(path)
