@@ -522,11 +522,12 @@ absl::Status give_up_recordings(const std::string& folder, const std::string& cr
   // on the disk before anybody is told: a power cut must not bring the crowd back
   const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
   bool is_kept = file >= 0 && ::write(file, "\n", 1) == 1 && ::fsync(file) == 0;
-  const int error = errno;
+  int error = errno;
   if (file >= 0) ::close(file);
-  if (const int entries = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-      entries >= 0) {
-    is_kept = is_kept && (::fsync(entries) == 0 || errno == EINVAL);
+  const int entries = is_kept ? ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC) : -1;
+  if (entries >= 0) {
+    is_kept = ::fsync(entries) == 0 || errno == EINVAL;
+    error = errno;
     ::close(entries);
   }
   if (is_kept) return absl::OkStatus();
