@@ -54,15 +54,16 @@ http::response<http::string_body> make_response(const http::request<http::string
   http::response<http::string_body> response{status, request.version()};
   response.set(http::field::content_type, beast::string_view(type.data(), type.size()));
   response.set(http::field::cache_control, "no-cache");
-  response.set(http::field::x_frame_options, "DENY");
   response.set("X-Content-Type-Options", "nosniff");
   response.set("Referrer-Policy", "no-referrer");
   response.set("Cross-Origin-Resource-Policy", "same-origin");
-  // The page needs nothing from elsewhere; pictures and recordings are blobs of its own.
+  // The page needs nothing from elsewhere; pictures and recordings are blobs of its own. A notebook
+  // on the viewer's own machine may show it (throng.show).
   response.set("Content-Security-Policy",
                "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
                "img-src 'self' blob: data:; media-src blob:; base-uri 'none'; form-action 'none'; "
-               "frame-ancestors 'none'");
+               "frame-ancestors 'self' http://127.0.0.1:* http://localhost:* "
+               "https://127.0.0.1:* https://localhost:*");
   response.keep_alive(request.keep_alive());
   response.body() = std::move(body);
   response.prepare_payload();

@@ -1,5 +1,7 @@
 """Several crowds, none, tokens, and a server that goes away."""
 
+import http.server
+import threading
 import urllib.request
 
 import devtools
@@ -129,4 +131,29 @@ def test_asks_for_a_token(tab, own_server, walk_file, tmp_path):
         tab.evaluate(f"document.getElementById('token').value = '{token}'")
         tab.click_on("#token-form button")
         tab.wait(f"document.getElementById('start-text').textContent.includes('{words}')")
+    assert tab.errors == []
+
+
+def test_a_page_of_this_machine_may_show_it_in_a_frame(tab, own_server, walk_file):
+    """What throng.show(URL) gives a notebook, which has an address of its own."""
+    server = own_server()
+    producer = Producer(server, walk_file, "hall")
+
+    class Notebook(http.server.BaseHTTPRequestHandler):
+        def do_GET(self):
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html")
+            self.end_headers()
+            self.wfile.write(f'<iframe src="{server.page}" width="800" height="500"></iframe>'.encode())
+
+        def log_message(self, *_):
+            pass
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Notebook) as notebook:
+        threading.Thread(target=notebook.serve_forever, daemon=True).start()
+        tab.open(f"http://localhost:{notebook.server_port}/")
+        # It is another site's: what it does is seen in the server's numbers.
+        devtools.until(lambda: 'throng_crowd_viewers{crowd="hall"} 1\n' in metrics(server), "nobody watches in the frame")
+        notebook.shutdown()
+    producer.stop()
     assert tab.errors == []

@@ -166,6 +166,8 @@ TEST_F(WebDoorTest, ServesThePageAndNothingElse) {
   EXPECT_THAT(page.body(), HasSubstr("<canvas"));
   EXPECT_EQ(page[http::field::content_type], "text/html; charset=utf-8");
   EXPECT_THAT(std::string(page["Content-Security-Policy"]), HasSubstr("default-src 'none'"));
+  EXPECT_THAT(std::string(page["Content-Security-Policy"]),
+              HasSubstr("frame-ancestors 'self' http://127.0.0.1:* http://localhost:* "));
   EXPECT_EQ(get("/main.js")[http::field::content_type], "text/javascript; charset=utf-8");
   EXPECT_EQ(get("/", http::verb::head).body(), "");
   EXPECT_EQ(get("/nothing").result_int(), 404U);
