@@ -4,7 +4,7 @@ import {Trails, unpackAgents} from './agents.js';
 import {OrbitCamera, HIGHEST_PITCH, pointOf} from './camera.js';
 import {Connection} from './connection.js';
 import {Controls} from './controls.js';
-import {drawOverlays, formatNumber, formatTime} from './overlays.js';
+import {COLOR_MAP_NAMES, drawOverlays, formatNumber, formatTime} from './overlays.js';
 import {byId, people, showAgent, showCrowds, showStats, toast} from './panels.js';
 import {Recorder, screenshot} from './recorder.js';
 import {Timeline} from './timeline.js';
@@ -36,6 +36,7 @@ const state = {
   speed: 1,
   timeUs: 0,
   channel: '',
+  colorMap: COLOR_MAP_NAMES[0],
   low: 0,
   high: 2,
   /** @type {Set<string>} */
@@ -98,8 +99,8 @@ const cameraOptions = () => state.camera ? {camera: state.camera.message()} : {o
 function channelOptions() {
   const known = crowds.find(crowd => crowd.name === state.crowd)?.channels ?? [];
   if (state.channel && known.length && !known.some(one => one.name === state.channel)) state.channel = '';
-  return state.low < state.high ? {channel: state.channel, channelLow: state.low, channelHigh: state.high}
-                                : {channel: state.channel};
+  const colors = {channel: state.channel, colorMap: `COLOR_MAP_${state.colorMap.toUpperCase()}`};
+  return state.low < state.high ? {...colors, channelLow: state.low, channelHigh: state.high} : colors;
 }
 
 function overlayOptions() {
@@ -198,7 +199,8 @@ view.drawOver = (context, header, width, height) => {
   const at = view.placement(), isNarrow = canvas.clientWidth <= 720;
   drawOverlays(context, header, shownCamera, width, height, {
     show: state.show, agents, trails, followed: state.follow, groundZ: groundZ(), crowd: state.crowd,
-    channel: state.channel, unit: currentChannel()?.unit ?? '', low: state.low, high: state.high, isLive: state.isLive,
+    channel: state.channel, unit: currentChannel()?.unit ?? '', colorMap: state.colorMap, low: state.low, high: state.high,
+    isLive: state.isLive,
     window: {x: -at.x, y: -at.y, width: canvas.clientWidth, height: canvas.clientHeight},
     insets: {top: 70, bottom: isNarrow ? 124 : 78, left: isNarrow ? 10 : 14, right: isNarrow ? 10 : 14},
   });
@@ -242,6 +244,7 @@ function openCrowd(name) {
     state.timeUs = link.timeUs ?? 0;
     state.speed = link.speed;
     state.channel = link.channel;
+    state.colorMap = link.colorMap;
     rangeIsAuto = link.channel !== '' && link.low === null;
     if (link.low !== null && link.high !== null) [state.low, state.high] = [link.low, link.high];
     if (link.show.length) state.show = new Set(link.show);
@@ -329,7 +332,8 @@ function showChannels() {
 function showDisplay() {
   showChannels();
   byId('channel').value = state.channel;
-  byId('range').hidden = !state.channel;
+  byId('range').hidden = byId('map-row').hidden = !state.channel;
+  byId('color-map').value = state.colorMap;
   byId('low').value = formatNumber(state.low);
   byId('high').value = formatNumber(state.high);
   byId('auto-range').setAttribute('aria-pressed', String(rangeIsAuto));
@@ -557,8 +561,8 @@ function saveLink() {
   linkTimer = window.setTimeout(() => {
     const hash = formatLink({
       crowd: state.crowd, camera: state.camera, follow: state.follow, timeUs: state.isLive ? null : state.timeUs,
-      speed: state.isLive ? 1 : state.speed, channel: state.channel, low: state.low, high: state.high,
-      show: [...state.show].sort(),
+      speed: state.isLive ? 1 : state.speed, channel: state.channel, colorMap: state.colorMap,
+      low: state.low, high: state.high, show: [...state.show].sort(),
     });
     if (hash !== location.hash) history.replaceState(null, '', hash || location.pathname);
   }, 250);
@@ -635,6 +639,13 @@ byId('speed').onchange = () => chooseSpeed(Number(byId('speed').value));
 byId('agent-close').onclick = () => stopFollowing();
 byId('banner-retry').onclick = () => connection.retryNow();
 byId('channel').onchange = () => chooseChannel(byId('channel').value);
+byId('color-map').replaceChildren(...COLOR_MAP_NAMES.map(name => new Option(name, name)));
+byId('color-map').onchange = () => {
+  state.colorMap = byId('color-map').value;
+  ask(channelOptions());
+  view.redraw();
+  saveLink();
+};
 byId('auto-range').onclick = () => { rangeIsAuto = true; ask(overlayOptions()); };
 for (const id of ['low', 'high']) {
   byId(id).onchange = () => {

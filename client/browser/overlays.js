@@ -4,9 +4,16 @@
 import {Projector} from './camera.js';
 import {bytesOf} from './connection.js';
 
-/** Viridis (S. van der Walt, N. Smith, matplotlib, CC0), as the server colours agents. */
-const VIRIDIS = ['#440154', '#48186a', '#472d7b', '#424086', '#3b528b', '#33638d', '#2c728e', '#26828e', '#21918c',
-                 '#1fa088', '#28ae80', '#3fbc73', '#5ec962', '#84d44b', '#addc30', '#d8e219', '#fde725'];
+/** As the server colours agents, at steps of 1/16; render/raster/element/color.hpp says whose they are.
+ * @type {Record<string, string>} */
+const COLOR_MAPS = {
+  viridis: '440154 48186a 472d7b 424086 3b528b 33638d 2c728e 26828e 21918c 1fa088 28ae80 3fbc73 5ec962 84d44b addc30 d8e219 fde725',
+  plasma: '0d0887 310596 4c02a1 6600a7 7e03a8 9511a2 a92396 bb3587 cb4778 d9596a e66c5c f07f4f f89441 fdab33 fdc328 f9dd25 f0f921',
+  inferno: '000004 0b0724 210c4a 3c0965 57106d 70196e 89226a a32b61 bb3755 d14644 e35932 f1711e f98d0a fcab0f f9ca32 f2e865 fcffa4',
+  magma: '000004 0a0822 1d1146 36106a 50127c 691c81 822681 9c2e7f b63779 cf4170 e65163 f5695c fb8761 fea571 fec387 fde0a2 fcfdbf',
+  cividis: '00224e 002e6a 1a386f 32436d 434e6c 52596d 61656f 6f7073 7c7b78 8b8778 9b9376 aba072 bbad6c ccba64 ddc958 efd748 fee838',
+};
+export const COLOR_MAP_NAMES = Object.keys(COLOR_MAPS);
 const FONT = '-apple-system, "Segoe UI", Roboto, "Noto Sans", "DejaVu Sans", sans-serif';
 
 /** Density in the usual service levels' range: quiet blue to red. @param {number} level 0 to 1 */
@@ -46,7 +53,7 @@ const formatMeters = meters => meters >= 1000 ? `${meters / 1000} km` : meters <
 /**
  * @typedef {{
  *   show: Set<string>, agents: import('./agents.js').Agent[], trails: import('./agents.js').Trails,
- *   channel: string, unit: string, low: number, high: number, followed: string,
+ *   channel: string, colorMap: string, unit: string, low: number, high: number, followed: string,
  *   crowd: string, insets: {top: number, right: number, bottom: number, left: number},
  *   window: {x: number, y: number, width: number, height: number}, groundZ: number,
  *   isLive: boolean,
@@ -74,8 +81,9 @@ export function drawOverlays(context, header, camera, width, height, scene) {
   if (scene.show.has('scale')) bottom = drawScale(context, projector, camera, scene, bottom);
   if (scene.show.has('time')) drawTime(context, header, scene, bottom);
   let right = bottomRight(w, h, scene);
+  const colors = COLOR_MAPS[scene.colorMap].split(' ');
   if (scene.channel) right = drawLegend(context, right, scene.channel, scene.unit, scene.low, scene.high,
-                                        t => VIRIDIS[Math.min(16, Math.floor(t * 17))]);
+                                        t => `#${colors[Math.min(16, Math.floor(t * 17))]}`);
   if (scene.show.has('density') && header.density) {
     drawLegend(context, right, 'density', 'people / m²', 0, densityTop(header.density), heat);
   }

@@ -2,10 +2,11 @@
 // back the same view.
 
 import {OrbitCamera} from './camera.js';
+import {COLOR_MAP_NAMES} from './overlays.js';
 
 /**
  * @typedef {{crowd: string, camera: OrbitCamera|null, follow: string, timeUs: number|null,
- *   speed: number, channel: string, low: number|null, high: number|null, show: string[]}} Link
+ *   speed: number, channel: string, colorMap: string, low: number|null, high: number|null, show: string[]}} Link
  */
 
 /** @param {number} value @param {number} digits */
@@ -27,6 +28,7 @@ export function formatLink(link) {
   if (link.channel) {
     const range = link.low !== null && link.high !== null ? `,${short(link.low, 4)},${short(link.high, 4)}` : '';
     parts.push(`color=${encodeURIComponent(link.channel)}${range}`);
+    if (link.colorMap !== COLOR_MAP_NAMES[0]) parts.push(`map=${link.colorMap}`);
   }
   if (link.show.length) parts.push(`show=${link.show.join(',')}`);
   return parts.length ? `#${parts.join('&')}` : '';
@@ -35,7 +37,8 @@ export function formatLink(link) {
 /** Takes what it understands and leaves the rest. @param {string} hash @returns {Link} */
 export function parseLink(hash) {
   /** @type {Link} */
-  const link = {crowd: '', camera: null, follow: '', timeUs: null, speed: 1, channel: '', low: null, high: null, show: []};
+  const link = {crowd: '', camera: null, follow: '', timeUs: null, speed: 1, channel: '',
+                colorMap: COLOR_MAP_NAMES[0], low: null, high: null, show: []};
   for (const part of hash.replace(/^#/, '').split('&')) {
     const [key, text = ''] = part.split('=', 2);
     let value = '';
@@ -48,6 +51,7 @@ export function parseLink(hash) {
     if (key === 'follow' && /^\d{1,20}$/.test(value)) link.follow = value;
     if (key === 't' && value !== '' && Number.isFinite(Number(value))) link.timeUs = Math.round(Number(value) * 1e6);
     if (key === 'speed' && Number(value) && Math.abs(Number(value)) <= 64) link.speed = Number(value);
+    if (key === 'map' && COLOR_MAP_NAMES.includes(value)) link.colorMap = value;
     if (key === 'show') link.show = value.split(',').filter(name => /^[a-z]+$/.test(name));
     if (key === 'cam') {
       const fields = value.split(',');

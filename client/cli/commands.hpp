@@ -44,6 +44,7 @@ struct ViewCommand {
   std::optional<CameraScript> camera;  // none: an overview
   std::string channel;                 // colours the agents
   std::optional<double> channel_low, channel_high;
+  std::string color_map = "viridis";
   double wait_s = 10.0;  // for the server and for the crowd
 };
 

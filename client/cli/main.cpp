@@ -2,10 +2,12 @@
 #include <CLI/CLI.hpp>
 #include <cstdlib>
 #include <string>
+#include <vector>
 
 #include "client/cli/commands.hpp"
 #include "client/cli/connection_flags.hpp"
 #include "client/cli/interrupt.hpp"
+#include "throng/render/color_map.hpp"
 #include "throng/trajectory/writer.hpp"
 
 namespace {
@@ -56,6 +58,10 @@ void add_view(CLI::App& app, ViewCommand& view, ViewTexts& texts) {
   app.add_option("--channel-range", texts.channel_range,
                  "Values at the ends of the colour scale (default 0:2)")
       ->type_name("LOW:HIGH");
+  app.add_option("--color-map", view.color_map, "Colours of the channel")
+      ->capture_default_str()
+      ->check(CLI::IsMember(std::vector<std::string>(throng::render::kColorMapNames.begin(),
+                                                     throng::render::kColorMapNames.end())));
   app.add_option("--wait", view.wait_s, "Seconds to wait for server and crowd")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 86400.0));
@@ -172,7 +178,8 @@ int main(int argc, char** argv) {
       "Examples:\n"
       "  throng record --crowd station -o station.mp4 --seconds 10 --fps 25\n"
       "  throng record --crowd station -o frames/####.jpg --camera \"0,-20,8:0,0,1\" --frames 30\n"
-      "  throng record --crowd station -o speed.mp4 --channel speed --channel-range 0:2\n"
+      "  throng record --crowd station -o speed.mp4 --channel speed --channel-range 0:2 "
+      "--color-map plasma\n"
       "  throng record --crowd station -o turn.mp4 --camera orbit --seconds 30\n"
       "  throng record --crowd station -o fine.mp4 --size 1920x1080 --quality 95 "
       "--vertex-budget 5000000 --wait 60\n" +
@@ -189,7 +196,7 @@ int main(int argc, char** argv) {
       "  throng snapshot --crowd station -o then.jpg --time 12.5 --vertex-budget 3000000\n"
       "  throng snapshot --crowd station -o plan.png --camera top\n"
       "  throng snapshot --crowd station -o speed.jpg --channel speed --channel-range 0:2 "
-      "--quality 95 --wait 60");
+      "--color-map cividis --quality 95 --wait 60");
 
   CLI::App* watch_app = app.add_subcommand("watch", "One line a second about what a viewer gets");
   add_view(*watch_app, watch, watch_text);
@@ -199,7 +206,8 @@ int main(int argc, char** argv) {
       "  throng watch --crowd station\n"
       "  throng watch --crowd station --size 1280x720 --seconds 10\n"
       "  throng watch --crowd station --camera top --fps 60 --quality 70 --vertex-budget 500000\n"
-      "  throng watch --crowd station --channel speed --channel-range 0:2 --wait 60");
+      "  throng watch --crowd station --channel speed --channel-range 0:2 "
+      "--color-map magma --wait 60");
   watch_app->add_option("--seconds", watch_seconds, "Length")->check(CLI::PositiveNumber);
 
   CLI::App* crowds_app = app.add_subcommand("crowds", "List the crowds of a server");

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "client/cli/interrupt.hpp"
+#include "client/view/color_map.hpp"
 #include "client/view/view_stream.hpp"
 #include "throng/v1/view.pb.h"
 
@@ -39,6 +40,8 @@ v1::ViewOptions options_of(const ViewCommand& command) {
   if (!command.channel.empty()) options.set_channel(command.channel);
   if (command.channel_low.has_value()) options.set_channel_low(*command.channel_low);
   if (command.channel_high.has_value()) options.set_channel_high(*command.channel_high);
+  if (const auto map = render::color_map_of(command.color_map))
+    options.set_color_map(wire_of(*map));
   if (!command.camera.has_value() || command.camera->is_overview()) return options;
   if (const CameraScript::Follow* follow = command.camera->follow()) {
     // The server takes the camera along as it stands about this point.

@@ -6,6 +6,7 @@
 #include <iterator>
 #include <sstream>
 #include <string>
+#include <vector>
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
@@ -23,7 +24,7 @@ constexpr const char* kFooter =
 Examples:
   throng-view
   throng-view --server host:7447 --crowd station --size 1600x900
-  throng-view --crowd station --channel speed --channel-range 0:2 --overlays time,scale,density
+  throng-view --crowd station --channel speed --channel-range 0:2 --color-map magma --overlays time,scale
   throng-view --crowd station --camera follow:17
   throng-view --view 'crowd=station&cam=1,2,0,15,-60,30&t=3.2&show=grid,time'
   throng-view --crowd station --screenshot station.png
@@ -49,7 +50,8 @@ int fail(const absl::Status& status) {
 int main(int argc, char** argv) {
   using namespace throng::client;
   WindowSettings settings;
-  std::string size = "1280x720", overlays, script, camera = "overview", channel_range, view;
+  std::string size = "1280x720", overlays, script, camera = "overview", channel_range,
+              color_map = "viridis", view;
   CLI::App app{"Shows a crowd that a throng server draws, in a window.", "throng-view"};
   app.failure_message([](const CLI::App* from, const CLI::Error& error) {
     return "throng-view: " + CLI::FailureMessage::simple(from, error);
@@ -76,6 +78,11 @@ int main(int argc, char** argv) {
   app.add_option("--channel-range", channel_range,
                  "Values at the ends of the colour scale (default: those in view)")
       ->type_name("LOW:HIGH");
+  auto* const map_option =
+      app.add_option("--color-map", color_map, "Colours of the channel")
+          ->capture_default_str()
+          ->check(CLI::IsMember(std::vector<std::string>(throng::render::kColorMapNames.begin(),
+                                                         throng::render::kColorMapNames.end())));
   app.add_option("--overlays", overlays, "Of ids,trails,density,grid,scale,time");
   app.add_option("--fps", settings.viewer.rate_hz, "Frames per second at most")
       ->capture_default_str()
@@ -114,6 +121,7 @@ int main(int argc, char** argv) {
       if (!range.ok()) throw refused(range.status());
       settings.viewer.range = *range;
     }
+    settings.viewer.color_map = *throng::render::color_map_of(color_map);
     if (view_option->count() > 0) {
       const auto parsed = parse_view_text(view);
       if (!parsed.ok()) throw refused(parsed.status());
@@ -124,6 +132,7 @@ int main(int argc, char** argv) {
       settings.viewer.speed = parsed->speed;
       if (settings.viewer.channel.empty()) settings.viewer.channel = parsed->channel;
       if (!settings.viewer.range) settings.viewer.range = parsed->range;
+      if (map_option->count() == 0) settings.viewer.color_map = parsed->color_map;
       if (overlays.empty()) overlays = absl::StrJoin(parsed->show, ",");
     }
     std::stringstream names(overlays);

@@ -16,6 +16,7 @@
 
 #include "client/desktop/panels.hpp"
 #include "client/desktop/viewer.hpp"
+#include "render/raster/element/color.hpp"
 
 namespace throng::client {
 namespace {
@@ -24,14 +25,11 @@ constexpr ImU32 kWhite = IM_COL32(244, 248, 251, 255), kPlate = IM_COL32(15, 22,
                 kDim = IM_COL32(207, 217, 226, 255), kEdge = IM_COL32(10, 16, 24, 184),
                 kChosen = IM_COL32(255, 205, 110, 255);
 
-/// Viridis (S. van der Walt, N. Smith, matplotlib, CC0), as the server colours agents.
-constexpr std::array<std::uint32_t, 17> kViridis = {
-    0x440154, 0x48186a, 0x472d7b, 0x424086, 0x3b528b, 0x33638d, 0x2c728e, 0x26828e, 0x21918c,
-    0x1fa088, 0x28ae80, 0x3fbc73, 0x5ec962, 0x84d44b, 0xaddc30, 0xd8e219, 0xfde725};
-
-ImU32 viridis(double t) {
-  const auto i = static_cast<std::size_t>(std::clamp(t * 17.0, 0.0, 16.0));
-  return IM_COL32(kViridis[i] >> 16, kViridis[i] >> 8 & 255U, kViridis[i] & 255U, 255);
+/// As the server colours agents.
+ImU32 map_ink(render::ColorMap map, double t) {
+  const std::uint32_t rgb =
+      render::element::color_map_sample(map, static_cast<int>(std::clamp(t * 17.0, 0.0, 16.0)));
+  return IM_COL32(rgb >> 16, rgb >> 8 & 255U, rgb & 255U, 255);
 }
 
 /// Density: quiet blue to red.
@@ -83,7 +81,8 @@ class Painter {
     if (!viewer_.channel().empty()) {
       const v1::Channel* const channel = viewer_.current_channel();
       legend = draw_legend(legend, viewer_.channel(), channel != nullptr ? channel->unit() : "",
-                           viewer_.low(), viewer_.high(), viridis);
+                           viewer_.low(), viewer_.high(),
+                           [this](double t) { return map_ink(viewer_.color_map(), t); });
     }
     if (has_density) {
       draw_legend(legend, "density", "people / m\xc2\xb2", 0.0, density_top(message.density()),

@@ -141,6 +141,16 @@ void draw_display(Viewer& viewer, Panels& panels) {
     if (ImGui::IsItemDeactivatedAfterEdit()) viewer.set_range(range[0], range[1]);
     ImGui::SameLine();
     if (button("Auto", "Range of the people in view")) viewer.fit_range();
+    ImGui::SetNextItemWidth(140);
+    if (ImGui::BeginCombo("colours", render::name_of(viewer.color_map()))) {
+      for (std::size_t i = 0; i < render::kColorMapNames.size(); ++i) {
+        const auto map = static_cast<render::ColorMap>(i);
+        if (ImGui::Selectable(render::name_of(map), map == viewer.color_map())) {
+          viewer.choose_color_map(map);
+        }
+      }
+      ImGui::EndCombo();
+    }
   }
   ImGui::Spacing();
   ImGui::TextColored(kAccent, "Over the picture");

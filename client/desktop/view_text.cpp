@@ -103,6 +103,11 @@ bool read_part(const std::string& key, const std::string& value, ViewText& view)
     view.channel = absl::StrJoin(name, ",");
     return true;
   }
+  if (key == "map") {
+    const auto map = render::color_map_of(value);
+    view.color_map = map.value_or(view.color_map);
+    return map.has_value();
+  }
   return false;
 }
 
@@ -120,7 +125,7 @@ absl::StatusOr<ViewText> parse_view_text(const std::string& text) {
       return absl::InvalidArgumentError(absl::StrCat(
           "--view: '", std::string(part),
           "' makes no sense; it is what the page's address holds behind #: crowd, cam, "
-          "follow, t, speed, color, show"));
+          "follow, t, speed, color, map, show"));
     }
   }
   return view;
@@ -147,6 +152,9 @@ std::string format_view_text(const ViewText& view) {
     if (view.range.has_value()) {
       absl::StrAppend(&parts.back(), ",", shortened(view.range->first, 4), ",",
                       shortened(view.range->second, 4));
+    }
+    if (view.color_map != render::ColorMap::kViridis) {
+      parts.push_back(absl::StrCat("map=", render::name_of(view.color_map)));
     }
   }
   if (!view.show.empty()) parts.push_back(absl::StrCat("show=", absl::StrJoin(view.show, ",")));

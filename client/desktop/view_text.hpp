@@ -9,13 +9,14 @@
 #include <vector>
 
 #include "client/desktop/orbit_camera.hpp"
+#include "throng/render/color_map.hpp"
 
 namespace throng::client {
 
 /// What the page's address holds behind '#': crowd, camera, time and what is shown.
 ///
 ///     crowd=station&cam=x,y,z,distance,yaw_deg,pitch_deg[,ortho]&follow=17&t=3.2&speed=2
-///     &color=speed,0,2&show=grid,time
+///     &color=speed,0,2&map=plasma&show=grid,time
 struct ViewText {
   std::string crowd;
   std::optional<OrbitCamera> camera;
@@ -24,6 +25,7 @@ struct ViewText {
   double speed = 1.0;
   std::string channel;
   std::optional<std::pair<double, double>> range;
+  render::ColorMap color_map = render::ColorMap::kViridis;
   std::vector<std::string> show;
 };
 

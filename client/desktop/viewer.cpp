@@ -10,6 +10,7 @@
 #include <numbers>
 
 #include "client/desktop/view_text.hpp"
+#include "client/view/color_map.hpp"
 
 namespace throng::client {
 
@@ -66,6 +67,7 @@ Viewer::Viewer(ViewLink& link, const ViewerSettings& settings)
       is_live_(!settings.time_us.has_value()),
       is_paused_(settings.time_us.has_value()),
       range_is_auto_(!settings.channel.empty() && !settings.range),
+      color_map_(settings.color_map),
       speed_(settings.speed),
       low_(settings.range ? settings.range->first : 0.0),
       high_(settings.range ? settings.range->second : 2.0),
@@ -100,6 +102,7 @@ void Viewer::add_camera(v1::ViewOptions& options) const {
 
 void Viewer::add_channel(v1::ViewOptions& options) const {
   options.set_channel(channel_);
+  options.set_color_map(wire_of(color_map_));
   if (!(low_ < high_)) return;
   options.set_channel_low(low_);
   options.set_channel_high(high_);
@@ -606,6 +609,12 @@ void Viewer::next_channel() {
   choose_channel(names[(now + 1) % names.size()]);
 }
 
+void Viewer::choose_color_map(render::ColorMap map) {
+  color_map_ = map;
+  if (!change_) change_.emplace();
+  add_channel(*change_);
+}
+
 void Viewer::set_range(double low, double high) {
   if (!(low < high)) {
     toast("The range must go from low to high");
@@ -687,7 +696,8 @@ std::string Viewer::state_json() const {
   }
   const Numbers numbers = this->numbers();
   const auto list = [](const glm::dvec3& p) { return Json::array({p.x, p.y, p.z}); };
-  ViewText view{crowd_, camera_, follow_, {}, is_live_ ? 1.0 : speed_, channel_, {}, {}};
+  ViewText view{crowd_,   camera_, follow_,    {}, is_live_ ? 1.0 : speed_,
+                channel_, {},      color_map_, {}};
   for (const Json& name : overlays) view.show.push_back(name.get<std::string>());
   if (!is_live_) view.time_us = time_us_;
   if (low_ < high_) view.range = {low_, high_};
@@ -712,6 +722,7 @@ std::string Viewer::state_json() const {
                       {"followed", frame_ ? frame_->message.followed_agent() : 0},
                       {"card", card_ ? card_->id() : 0},
                       {"channel", channel_},
+                      {"color_map", render::name_of(color_map_)},
                       {"low", low_},
                       {"high", high_},
                       {"overlays", overlays},

@@ -13,6 +13,7 @@
 #include "client/desktop/agents.hpp"
 #include "client/desktop/orbit_camera.hpp"
 #include "client/desktop/view_link.hpp"
+#include "throng/render/color_map.hpp"
 
 namespace throng::client {
 
@@ -26,9 +27,10 @@ struct ViewerSettings {
   std::uint64_t follow = 0;
   std::string channel;
   std::optional<std::pair<double, double>> range;  // of the channel; none: what is in view
-  std::optional<CameraScript> camera;              // where it begins; none: an overview
-  std::optional<OrbitCamera> held;                 // the same as the hand has left it
-  std::optional<std::int64_t> time_us;             // paused there; none: live
+  render::ColorMap color_map = render::ColorMap::kViridis;
+  std::optional<CameraScript> camera;   // where it begins; none: an overview
+  std::optional<OrbitCamera> held;      // the same as the hand has left it
+  std::optional<std::int64_t> time_us;  // paused there; none: live
   double speed = 1.0;
   double rate_hz = 30.0;
   std::uint64_t vertex_budget = 0;
@@ -76,6 +78,7 @@ class Viewer {
   void toggle(Overlay overlay);
   void choose_channel(const std::string& name);
   void next_channel();
+  void choose_color_map(render::ColorMap map);
   void set_range(double low, double high);
   void fit_range() { range_is_auto_ = true; }
   void set_rate(double rate_hz);
@@ -96,6 +99,7 @@ class Viewer {
   const std::string& crowd() const { return crowd_; }
   const std::string& channel() const { return channel_; }
   const std::string& rasterizer() const { return rasterizer_; }
+  render::ColorMap color_map() const { return color_map_; }
   double low() const { return low_; }
   double high() const { return high_; }
   double speed() const { return speed_; }
@@ -154,6 +158,7 @@ class Viewer {
   std::optional<OrbitCamera> before_;   // before looking from above
   std::uint64_t follow_ = 0;
   bool is_live_ = true, is_paused_ = false, shadows_ = true, range_is_auto_ = false;
+  render::ColorMap color_map_ = render::ColorMap::kViridis;
   double speed_ = 1.0, low_ = 0.0, high_ = 2.0, rate_hz_ = 30.0;
   std::int64_t time_us_ = 0;
   std::uint64_t vertex_budget_ = 0;

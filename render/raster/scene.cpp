@@ -62,7 +62,8 @@ void shade_instances(const FrameGeometry& geometry, const Cast& cast, const Scen
       std::find_if(cast.members.begin(), cast.members.end(),
                    [](const CastMember& member) { return member.environment; }) -
       cast.members.begin());
-  const element::ChannelRange channel{look.channel_low, look.channel_high, look.color_by_channel};
+  const element::ChannelRange channel{look.channel_low, look.channel_high, look.color_by_channel,
+                                      look.color_map};
   std::vector<std::uint32_t> walls;
   constexpr std::size_t kChunk = 512;
   pool.for_chunks(count, kChunk, [&](std::size_t begin, std::size_t end) {

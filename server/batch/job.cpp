@@ -418,6 +418,7 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
     view.look.color_by_channel = true;
     view.look.channel_low = static_cast<float>(job.channel_low);
     view.look.channel_high = static_cast<float>(job.channel_high);
+    view.look.color_map = job.color_map;
   }
 
   render::FramePipelineOptions pipeline_options = job.pipeline;
@@ -498,7 +499,8 @@ BatchOutcome run_batch(const BatchJob& job, const BatchProgress& progress,
                       .camera = view.camera,
                       .channel = job.channel,
                       .channel_low = job.channel_low,
-                      .channel_high = job.channel_high},
+                      .channel_high = job.channel_high,
+                      .color_map = job.color_map},
                      picture);
       }
       if (stats_file.is_open()) stats_file << stats_line(number, path, stats);

@@ -37,6 +37,7 @@ struct BatchJob {
   std::string stats;                             // JSON lines, empty: none
   std::string channel;                           // colours the agents by it
   double channel_low = 0.0, channel_high = 1.0;
+  render::ColorMap color_map = render::ColorMap::kViridis;
   std::string environment;  // file of WKT, GeoJSON, a Vadere scenario or a static glTF; empty: what
                             // the trajectory holds
   std::string net;          // SUMO's network: streets; not with `environment`

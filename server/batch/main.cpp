@@ -51,6 +51,7 @@ constexpr const char* kFooter = R"(Examples:
   throng-render --synthetic 30000 --seed 7 -o crowd/####.png --frames 1-25
   throng-render run.sqlite -o '{pass}/####.png' --passes color,depth,id --boxes gt.txt
   throng-render run.csv -o run.mp4 --channel speed --channel-range 0:2 --overlay time,legend --title "Exit B"
+  throng-render run.csv -o slow.png --frames 1 --channel speed --color-map plasma --overlay legend
   throng-render run.sqlite -o run.mp4 --fps 30 --cast mine --no-shadows --no-ground --quiet
   throng-render run.sqlite -o out/####.jpg --jpeg-quality 80 --skip-existing --stats stats.jsonl
   throng-render run.sqlite -o site.mp4 --environment site.glb --wall-height 2.5        (or --no-walls)
@@ -115,7 +116,7 @@ int main(int argc, char** argv) {
   std::uint32_t gpu_memory_mib = 0;
   std::string size = "1280x720", unit, z_rule, shard = "1/1", channel_range, lod = "budget",
               form = "mesh", compute = "auto", gpu, raster = "auto", overlay, title,
-              passes = "color", box_extent = "visible";
+              passes = "color", box_extent = "visible", color_map = "viridis";
   double source_fps = 0.0;
   app.add_option("trajectory", job.trajectory,
                  "Trajectory file (JuPedSim sqlite, archive text, CSV ...)")
@@ -178,6 +179,10 @@ int main(int argc, char** argv) {
   app.add_option("--channel-range", channel_range,
                  "Values at the ends of the colour scale (default 0:1)")
       ->type_name("LOW:HIGH");
+  app.add_option("--color-map", color_map, "Colours of the channel")
+      ->capture_default_str()
+      ->check(CLI::IsMember(std::vector<std::string>(throng::render::kColorMapNames.begin(),
+                                                     throng::render::kColorMapNames.end())));
   auto* const environment =
       app.add_option(
              "--environment", job.environment,
@@ -264,6 +269,7 @@ int main(int argc, char** argv) {
     if (!range.ok()) return usage(std::string(range.status().message()));
     std::tie(job.channel_low, job.channel_high) = *range;
   }
+  job.color_map = *throng::render::color_map_of(color_map);
   const auto parsed_overlay = throng::server::parse_overlay(overlay);
   if (!parsed_overlay.ok()) return usage(std::string(parsed_overlay.status().message()));
   job.overlay = *parsed_overlay;

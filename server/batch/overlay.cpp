@@ -69,8 +69,8 @@ void write(Picture& picture, const Font& font, std::string_view text, int x, int
             [&](int px, int py, double coverage) { blend(picture, px, py, ink, coverage); });
 }
 
-Ink viridis_ink(double t) {
-  const glm::vec3 linear = render::element::viridis(static_cast<float>(t));
+Ink map_ink(render::ColorMap map, double t) {
+  const glm::vec3 linear = render::element::map_color(map, static_cast<float>(t));
   const auto code = [](float value) {
     const double v = std::clamp(static_cast<double>(value), 0.0, 1.0);
     return static_cast<std::uint8_t>(std::lround(255 * render::linear_to_srgb(v)));
@@ -187,7 +187,7 @@ void draw_legend(Picture& picture, const Font& font, const Layout& layout,
   const int bar_top = top + layout.padding + layout.line;
   for (int i = 0; i < bar; ++i) {
     fill(picture, {x + i, bar_top, x + i + 1, bar_top + thick},
-         viridis_ink((i + 0.5) / static_cast<double>(bar)), 1.0);
+         map_ink(facts.color_map, (i + 0.5) / static_cast<double>(bar)), 1.0);
   }
   const int baseline = bar_top + thick + static_cast<int>(0.25 * layout.type_px) + ascent;
   write(picture, font, low, x, baseline, kText);

@@ -30,6 +30,7 @@ struct OverlayFacts {
   render::Camera camera{};
   std::string channel{};  // empty: the legend is left out
   double channel_low = 0.0, channel_high = 1.0;
+  render::ColorMap color_map = render::ColorMap::kViridis;
 };
 
 /// Draws the items over a picture, sized by its height; the same pixels on every machine.

@@ -246,6 +246,15 @@ absl::Status apply_options(const v1::ViewOptions& options, const Registry& regis
                                                    ", must be under channel_high, ",
                                                    next.channel_high));
   }
+  if (options.has_color_map()) {
+    if (!v1::ColorMap_IsValid(options.color_map()) ||
+        options.color_map() == v1::COLOR_MAP_UNSPECIFIED) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("options.color_map: ", static_cast<int>(options.color_map()),
+                       " is no map; there are ", absl::StrJoin(render::kColorMapNames, ", ")));
+    }
+    next.color_map = static_cast<render::ColorMap>(options.color_map() - 1);
+  }
   if (options.has_shadows()) next.shadows = options.shadows();
   if (options.has_follow_agent()) next.follow_agent = options.follow_agent();
   if (options.has_max_agent_columns()) {

@@ -451,6 +451,7 @@ void RenderLoop::State::draw(FrameRenderer& renderer, const PictureRequest& requ
   settings.look.color_by_channel = settings.channel >= 0;
   settings.look.channel_low = view.channel_low;
   settings.look.channel_high = view.channel_high;
+  settings.look.color_map = view.color_map;
   next.frame = std::make_shared<EncodedFrame>();
   next.picture.may_stay = true;  // the encoder takes it from there
   std::optional<LeftOnDevice> before = std::exchange(left_on_device, std::nullopt);

@@ -28,7 +28,8 @@ bool same_picture(const ViewRequest& a, const ViewRequest& b) {
          a.viewport.height_px == b.viewport.height_px && a.jpeg_quality == b.jpeg_quality &&
          a.vertex_budget == b.vertex_budget && a.channel == b.channel &&
          a.channel_low == b.channel_low && a.channel_high == b.channel_high &&
-         a.shadows == b.shadows && a.follow_agent == b.follow_agent && a.playhead == b.playhead;
+         a.color_map == b.color_map && a.shadows == b.shadows && a.follow_agent == b.follow_agent &&
+         a.playhead == b.playhead;
 }
 
 Viewer::Viewer(ViewRequest request, std::uint32_t max_in_flight, Now now,

@@ -30,6 +30,7 @@ struct ViewRequest {
   std::string channel;              // colours the agents; empty: textures
   float channel_low = 0.0F;
   float channel_high = 1.0F;
+  render::ColorMap color_map = render::ColorMap::kViridis;
   bool shadows = true;
   Playhead playhead;
   std::uint64_t follow_agent = 0;  // the camera is moved along with it; 0: with nobody

@@ -53,6 +53,17 @@ def test_each_camera_shows_its_own_picture_now_and_then(program, url, files):
             assert np.abs(one - other).max() > 20, "no two are the same"
 
 
+def test_each_color_map_has_colours_of_its_own(program, url, files):
+    names = ("viridis", "plasma", "inferno", "magma", "cividis")
+    pictures = set()
+    for name in names:
+        done = program("throng", "snapshot", "--crowd", "hall", "--camera", "top", "--size", "160x90", "-o", "one.png",
+                       "--time", "0.5", "--channel", "speed", "--color-map", name, THRONG_URL=url)
+        assert done.returncode == 0, (name, done.stderr)
+        pictures.add((files / "one.png").read_bytes())
+    assert len(pictures) == len(names)
+
+
 def test_record_takes_the_same_cameras(program, url, files):
     for camera in CAMERAS:
         done = program("throng", "record", "--crowd", "hall", "--camera", camera, "--size", "160x90", "-o", "one.jpg",

@@ -35,8 +35,8 @@ class RenderError(RuntimeError):
 def frames(source: Source, *, size: Tuple[int, int] = (1280, 720), fps: float = 25.0,
            frames: Optional[str] = None, camera: Camera = "overview", ids: Optional[Sequence[Any]] = None,
            source_fps: Optional[float] = None, vertex_budget: int = 1_000_000, channel: Optional[str] = None,
-           channel_range: Optional[Tuple[float, float]] = None, environment: Optional[str] = None,
-           seed: int = 0, overlay: Sequence[str] = (), options: Sequence[str] = (),
+           channel_range: Optional[Tuple[float, float]] = None, color_map: str = "viridis",
+           environment: Optional[str] = None, seed: int = 0, overlay: Sequence[str] = (), options: Sequence[str] = (),
            program: Optional[str] = None) -> Iterator[np.ndarray]:
     """Yields pictures of the crowd one after the other: uint8 [height, width, 3], sRGB, rows from the top.
 
@@ -54,6 +54,7 @@ def frames(source: Source, *, size: Tuple[int, int] = (1280, 720), fps: float = 
                         holds: {"eye": [x, y, z], "target": [x, y, z]}.
     @param ids          of the agents of `positions` [A], integers or strings; None: 0, 1, 2 ...
     @param channel      colours the agents by it, from `channel_range[0]` to `channel_range[1]`.
+    @param color_map    of the channel: "viridis", "plasma", "inferno", "magma" or "cividis".
     @param environment  the walkable area as WKT, or a file of it; None: what the source holds.
     @param overlay      of "time", "agents", "scale", "legend".
     @param options      further arguments of throng-render, such as ["--no-shadows"].
@@ -65,8 +66,8 @@ def frames(source: Source, *, size: Tuple[int, int] = (1280, 720), fps: float = 
     with tempfile.TemporaryDirectory(prefix="throng-") as folder:
         command = _command(Path(folder), "-", source, size=size, fps=fps, frames=frames, camera=camera, ids=ids,
                            source_fps=source_fps, vertex_budget=vertex_budget, channel=channel,
-                           channel_range=channel_range, environment=environment, seed=seed, overlay=overlay,
-                           options=options, program=program)
+                           channel_range=channel_range, color_map=color_map, environment=environment, seed=seed,
+                           overlay=overlay, options=options, program=program)
         with tempfile.TemporaryFile() as errors:
             process = subprocess.Popen(command, stdin=subprocess.DEVNULL,
                                        stdout=subprocess.PIPE, stderr=errors)
@@ -141,8 +142,8 @@ def show(source: Source, *, size: Tuple[int, int] = (960, 540), **settings: Any)
 def _command(folder: Path, output: str, source: Source, *, size: Tuple[int, int], fps: float = 25.0,
              frames: Optional[str] = None, camera: Camera = "overview", ids: Optional[Sequence[Any]] = None,
              source_fps: Optional[float] = None, vertex_budget: int = 1_000_000, channel: Optional[str] = None,
-             channel_range: Optional[Tuple[float, float]] = None, environment: Optional[str] = None,
-             seed: int = 0, overlay: Sequence[str] = (), options: Sequence[str] = (),
+             channel_range: Optional[Tuple[float, float]] = None, color_map: str = "viridis",
+             environment: Optional[str] = None, seed: int = 0, overlay: Sequence[str] = (), options: Sequence[str] = (),
              program: Optional[str] = None) -> List[str]:
     """The program and its arguments; what it is to read is written into `folder`."""
     if hasattr(source, "data") and hasattr(source, "frame_rate"):  # PedPy's TrajectoryData
@@ -170,7 +171,7 @@ def _command(folder: Path, output: str, source: Source, *, size: Tuple[int, int]
     if is_file and source_fps is not None:
         command += ["--source-fps", repr(float(source_fps))]
     if channel is not None:
-        command += ["--channel", channel]
+        command += ["--channel", channel, "--color-map", color_map]
     if channel_range is not None:
         command += ["--channel-range", f"{float(channel_range[0])!r}:{float(channel_range[1])!r}"]
     if environment is not None:

@@ -14,12 +14,13 @@ namespace throng::render::element {
 struct ChannelRange {
   float low, high;
   bool colors;  // agents by their channel
+  ColorMap map;
 };
 
 THRONG_HOST_DEVICE inline glm::vec3 channel_color(float value, const ChannelRange& range) {
   if (!(std::fabs(value) <= 3.4028235e38F)) return {0.32F, 0.32F, 0.33F};  // not finite
   const float extent = range.high - range.low;
-  return viridis(extent != 0.0F ? (value - range.low) / extent : 0.5F);
+  return map_color(range.map, extent != 0.0F ? (value - range.low) / extent : 0.5F);
 }
 
 /// What shading needs of a visible instance; who casts a projected shadow is chosen later.

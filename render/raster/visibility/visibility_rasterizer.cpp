@@ -1295,7 +1295,7 @@ absl::Status VisibilityRasterizer::draw(const FrameGeometry& geometry, const Cam
                       &grid_,
                       glm::vec3(glm::transpose(glm::mat3(view_from_relative(camera)))[1]),
                       geometry.speck_detail,
-                      {look.channel_low, look.channel_high, look.color_by_channel}};
+                      {look.channel_low, look.channel_high, look.color_by_channel, look.color_map}};
     }
     if (!geometry.speck_runs.empty()) {
       specks_.place(geometry, speck_scene_, tiles_x_, tiles_y_, pool_);

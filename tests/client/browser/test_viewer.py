@@ -261,6 +261,13 @@ def test_colours_overlays_and_their_legend_are_drawn(page, station):
                       "i.dispatchEvent(new Event('change')); })()")
         page.wait(f"{changed} > 500")
     page.wait("location.hash.includes('color=speed,1,3')")
+    changed = kept_picture(page)
+    page.evaluate("(() => { const s = document.getElementById('color-map'); s.value = 'plasma'; "
+                  "s.dispatchEvent(new Event('change')); })()")
+    page.wait("location.hash.includes('map=plasma')")
+    page.wait(f"{changed} > 3000")  # the legend alone is fewer
+    open_at(page, station, "crowd=station&cam=0,0,0,20,-90,30&t=5&color=speed,1,3&map=cividis")
+    assert page.evaluate("document.getElementById('color-map').value") == "cividis"
 
 
 @pytest.mark.parametrize("key, name, least", [("g", "grid", 5000), ("i", "ids", 500), ("m", "density", 5000),

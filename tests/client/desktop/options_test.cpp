@@ -54,7 +54,8 @@ TEST(FormatTest, TimesAreWrittenAsOnThePage) {
 
 TEST(ViewTextTest, IsThePagesAddress) {
   const std::string text =
-      "crowd=main%20hall&cam=1.5,2,0,15,-60,30,ortho&follow=17&t=3.2&speed=0.5&color=a%2Cb,0,2.5"
+      "crowd=main%20hall&cam=1.5,2,0,15,-60,30,ortho&follow=17&t=3.2&speed=0.5&color=a%2Cb,0,2.5&"
+      "map=magma"
       "&show=grid,time";
   const auto view = parse_view_text("http://127.0.0.1:7480/#" + text);
   ASSERT_TRUE(view.ok()) << view.status();
@@ -71,7 +72,7 @@ TEST(ViewTextTest, IsThePagesAddress) {
   EXPECT_EQ(format_view_text(*parse_view_text(far)), far) << "all digits of UTM and of long runs";
   for (const char* bad :
        {"cam=1,2", "cam=1,2,3,-4,5,6", "cam=nan,0,0,1,0,0", "t=x", "t=1e12", "follow=-1", "speed=0",
-        "speed=99", "color=a,2,1", "nonsense", "%", "crowd=%4"}) {
+        "speed=99", "color=a,2,1", "map=jet", "nonsense", "%", "crowd=%4"}) {
     const auto refused = parse_view_text(bad);
     ASSERT_FALSE(refused.ok()) << bad;
     EXPECT_NE(refused.status().message().find(bad), absl::string_view::npos);

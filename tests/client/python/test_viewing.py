@@ -64,6 +64,9 @@ def test_names_and_walls_and_channels_are_taken():
     speed = throng.render({**COLUMNS, "speed": COLUMNS["x"]}, frames="1", channel="speed", channel_range=(0, 3),
                           overlay=["legend"], **SMALL)
     assert (speed != throng.render(COLUMNS, frames="1", **SMALL)).any()
+    other = throng.render({**COLUMNS, "speed": COLUMNS["x"]}, frames="1", channel="speed", channel_range=(0, 3),
+                          color_map="plasma", overlay=["legend"], **SMALL)
+    assert (speed != other).any()
 
 
 @needs_program

@@ -55,11 +55,19 @@ TEST(ColorTest, PackedTintsAndColoursComeBack) {
   EXPECT_LT(glm::length(2.0F * unpack(pack_tint(2.0F * color)) - 2.0F * color), 0.006F);
 }
 
-TEST(ViridisTest, EndsAreThoseOfTheMapAndValuesAreClamped) {
-  EXPECT_EQ(viridis(0.0F), linear_from_hex(0x440154));
-  EXPECT_EQ(viridis(1.0F), linear_from_hex(0xfde725));
-  EXPECT_EQ(viridis(-3.0F), viridis(0.0F));
-  EXPECT_EQ(viridis(7.0F), viridis(1.0F));
+TEST(ColorMapTest, EndsAreThoseOfTheMapAndValuesAreClamped) {
+  constexpr std::uint32_t kEnds[][2] = {{0x440154, 0xfde725},
+                                        {0x0d0887, 0xf0f921},
+                                        {0x000004, 0xfcffa4},
+                                        {0x000004, 0xfcfdbf},
+                                        {0x00224e, 0xfee838}};
+  for (std::size_t i = 0; i < kColorMapNames.size(); ++i) {
+    const auto map = static_cast<ColorMap>(i);
+    EXPECT_EQ(map_color(map, 0.0F), linear_from_hex(kEnds[i][0])) << name_of(map);
+    EXPECT_EQ(map_color(map, 1.0F), linear_from_hex(kEnds[i][1])) << name_of(map);
+    EXPECT_EQ(map_color(map, -3.0F), map_color(map, 0.0F)) << name_of(map);
+    EXPECT_EQ(map_color(map, 7.0F), map_color(map, 1.0F)) << name_of(map);
+  }
 }
 
 TEST(ColorTest, CubicIsCloseToTheStandardCurve) {

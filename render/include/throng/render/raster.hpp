@@ -11,6 +11,7 @@
 
 #include "throng/render/asset.hpp"
 #include "throng/render/camera.hpp"
+#include "throng/render/color_map.hpp"
 #include "throng/render/compute.hpp"
 #include "throng/render/picture.hpp"
 #include "throng/render/relief_box.hpp"
@@ -31,7 +32,8 @@ struct Look {
   glm::vec3 ground_color{0.245F, 0.240F, 0.230F};
   bool ground = true;   // plane z = 0 (of the crowd's origin) with a metre grid
   bool shadows = true;  // contact shadows
-  float channel_low = 0.0F, channel_high = 1.0F;  // range of the channel's colours (viridis)
+  float channel_low = 0.0F, channel_high = 1.0F;  // range of the channel's colours
+  ColorMap color_map = ColorMap::kViridis;
   bool color_by_channel = false;
   ReliefSearch relief_search;
 };

@@ -763,7 +763,7 @@ absl::Status CudaRasterizer::draw(const FrameGeometry& geometry, const Camera& c
   RasterJob job;
   job.cast = device_cast_;
   job.scene = make_scene_frame(camera, viewport, origin_world, look);
-  job.channel = {look.channel_low, look.channel_high, look.color_by_channel};
+  job.channel = {look.channel_low, look.channel_high, look.color_by_channel, look.color_map};
   job.width_px = viewport.width_px;
   job.height_px = viewport.height_px;
   job.grid = {clip_from_relative(camera, viewport),
