@@ -187,12 +187,16 @@ int main(int argc, char** argv) {
 
   CLI::App* snapshot_app = app.add_subcommand("snapshot", "One picture of a crowd, now or earlier");
   add_view(*snapshot_app, snapshot.view, snapshot_text);
+  snapshot_app->add_option("url", common.connection.url, "Where the server is, as --server");
+  snapshot_app->get_option("--crowd")->required(false)->description(
+      "Name of the crowd (default: the only one)");
   snapshot_app->add_option("-o,--output", snapshot.output, "one.png or one.jpg")->required();
   snapshot_app->add_option("--time", snapshot.time_s, "Scene time in seconds (default: now)")
       ->check(CLI::Range(-1e9, 1e9));
   snapshot_app->footer(
       "Examples:\n"
       "  throng snapshot --crowd station -o station.png --size 1920x1080\n"
+      "  throng snapshot host:7447 -o now.png\n"
       "  throng snapshot --crowd station -o then.jpg --time 12.5 --vertex-budget 3000000\n"
       "  throng snapshot --crowd station -o plan.png --camera top\n"
       "  throng snapshot --crowd station -o speed.jpg --channel speed --channel-range 0:2 "

@@ -240,6 +240,10 @@ TEST(CommandTest, PublishesRecordsAndLists) {
   EXPECT_EQ(run(snapshot + folder.file("then.png") + " --time 0.5" + at).code, kOk);
   EXPECT_TRUE(std::filesystem::exists(folder.file("then.png")));
   EXPECT_EQ(run(snapshot + folder.file("now.gif") + at).code, kUsage);
+  EXPECT_EQ(
+      run("snapshot " + server.address() + " -q --size 64x48 -o " + folder.file("only.png")).code,
+      kOk);
+  EXPECT_TRUE(std::filesystem::exists(folder.file("only.png")));
   const Outcome absent = run("snapshot --crowd absent --wait 0.2 -o " + folder.file("no.png") + at);
   EXPECT_EQ(absent.code, kFailure);
   EXPECT_THAT(absent.err, HasSubstr("absent"));
