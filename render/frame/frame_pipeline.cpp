@@ -167,8 +167,9 @@ struct FramePipeline::State {
     // should one of the two fail, nothing is known to be where it was
     placed.clear();
     if (absl::Status status = upload_to_all(longer); !status.ok()) {
-      // other crowds are drawn on
-      if (absl::Status back = upload_to_all(cast); !back.ok()) return back;
+      // other crowds are drawn on; to the stages more members than are asked for do no harm, and
+      // the memory of another copy may not be there
+      if (absl::Status back = rasterizer->upload(cast); !back.ok()) return back;
       return status;
     }
     placed = std::move(kept);
