@@ -7,7 +7,9 @@
 #include <cuda_runtime_api.h>
 
 #include <atomic>
+#include <fstream>
 #include <limits>
+#include <string>
 #include <utility>
 
 #include "render/compute/cuda/launch.hpp"
@@ -119,6 +121,14 @@ absl::Status try_device(int device, const char* call) {
   return to_status(error, call);
 }
 
+/// The kernel's part of the driver, as it names itself; empty: it is not loaded.
+std::string driver_module() {
+  std::ifstream file("/proc/driver/nvidia/version");
+  std::string line;
+  std::getline(file, line);
+  return line;
+}
+
 std::string version_text(int version) {
   return absl::StrCat(version / 1000, ".", version % 1000 / 10);
 }
@@ -209,6 +219,7 @@ std::vector<std::string> describe_devices() {
                                         ? absl::StrCat("no driver, runtime ", version_text(runtime))
                                         : absl::StrCat("driver for CUDA ", version_text(driver),
                                                        ", runtime ", version_text(runtime))};
+  if (std::string module = driver_module(); !module.empty()) lines.push_back(std::move(module));
   const auto devices = device_count("devices");
   if (!devices.ok()) {
     lines.emplace_back(devices.status().message());

@@ -286,16 +286,14 @@ std::vector<std::string> describe_egl() {
   if (!platforms.problem.empty()) return {platforms.problem};
   std::vector<std::string> lines = platforms.notes;
   for (const gl::Rung& rung : platforms.rungs) {
-    auto context = gl::Ladder::climb(rung);
-    if (context.ok()) {
-      lines.push_back(absl::StrCat(
-          rung.name,
-          rung.cuda_device < 0 ? "" : absl::StrCat(" (CUDA device ", rung.cuda_device, ")"), ": ",
-          (*context)->software() ? "software" : "hardware", ", ", (*context)->renderer(),
-          ", OpenGL ", (*context)->version()));
-    } else {
-      lines.emplace_back(context.status().message());
-    }
+    const auto context = gl::Ladder::climb(rung);
+    const std::string cuda =
+        rung.cuda_device < 0 ? "" : absl::StrCat(" (CUDA device ", rung.cuda_device, ")");
+    lines.push_back(context.ok()
+                        ? absl::StrCat(rung.name, cuda, ": ",
+                                       (*context)->software() ? "software" : "hardware", ", ",
+                                       (*context)->renderer(), ", OpenGL ", (*context)->version())
+                        : absl::StrCat(context.status().message(), cuda));
   }
   return lines;
 }
