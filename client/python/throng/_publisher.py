@@ -189,7 +189,8 @@ class Publisher:
         heading_column = quaternion_column = None
         if headings is not None:
             heading_column, quaternion_column = self._axes.headings(headings, given)
-        motion_codes, motion_names = None, ()
+        motion_codes: Optional[np.ndarray] = None
+        motion_names: Tuple[str, ...] = ()
         if motion is not None:
             motion_codes, motion_names = motion_column(motion, self._motions, given)
         if self._newest_us is None:

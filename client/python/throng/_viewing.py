@@ -14,14 +14,33 @@ import shutil
 import subprocess
 import tempfile
 from pathlib import Path
-from typing import IO, Any, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple, Union
+from typing import IO, Any, Dict, Iterable, Iterator, List, Mapping, Optional, Protocol, Sequence, Tuple, Union
 
 import numpy as np
 
 from throng import _recording
 from throng._ids import hash_id
 
-Source = Union[str, "os.PathLike[str]", Tuple[Any, Any], Mapping[str, Any]]
+
+class Columns(Protocol):
+    """What has columns by name, such as a data frame."""
+
+    def keys(self) -> Iterable[Any]: ...
+
+    def __getitem__(self, name: Any, /) -> Any: ...
+
+
+class Trajectory(Protocol):
+    """Such as PedPy's TrajectoryData."""
+
+    @property
+    def data(self) -> Any: ...
+
+    @property
+    def frame_rate(self) -> float: ...
+
+
+Source = Union[str, "os.PathLike[str]", Tuple[Any, Any], Columns, Trajectory]
 Camera = Union[str, Mapping[str, Any]]
 
 _PROGRAM = "throng-render"
@@ -146,8 +165,9 @@ def _command(folder: Path, output: str, source: Source, *, size: Tuple[int, int]
              environment: Optional[str] = None, seed: int = 0, overlay: Sequence[str] = (), options: Sequence[str] = (),
              program: Optional[str] = None) -> List[str]:
     """The program and its arguments; what it is to read is written into `folder`."""
-    if hasattr(source, "data") and hasattr(source, "frame_rate"):  # PedPy's TrajectoryData
-        source, source_fps = source.data, source.frame_rate if source_fps is None else source_fps
+    if not isinstance(source, (str, tuple)) and hasattr(source, "data") and hasattr(source, "frame_rate"):
+        source_fps = source.frame_rate if source_fps is None else source_fps
+        source = source.data
     is_file = isinstance(source, (str, os.PathLike))
     if is_file:
         file = os.fspath(source)  # type: ignore[arg-type]
@@ -211,7 +231,7 @@ def _read_picture(stream: IO[bytes]) -> Optional[np.ndarray]:
     width, height = map(int, stream.readline().split())
     stream.readline()
     picture = np.empty((height, width, 3), np.uint8)
-    view, done = memoryview(picture).cast("B"), 0
+    view, done = memoryview(picture.data).cast("B"), 0
     while done < len(view):
         count = stream.readinto(view[done:])  # type: ignore[attr-defined]
         if not count:

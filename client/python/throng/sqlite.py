@@ -131,7 +131,7 @@ class SqliteTee:
             angles, _ = axes.headings(headings, len(numbers))
             if angles is not None:
                 ways = np.nan_to_num(np.stack([np.cos(angles), np.sin(angles)], axis=1))
-        known = np.isfinite(places).all(axis=1)
+        known = np.asarray(np.isfinite(places).all(axis=1))
         rows = [(frame, number, place[0], place[1], way[0], way[1])
                 for number, place, way, good in zip(numbers, places.tolist(), ways.tolist(), known.tolist()) if good]
         self._file.executemany("INSERT INTO trajectory_data VALUES (?, ?, ?, ?, ?, ?)", rows)
