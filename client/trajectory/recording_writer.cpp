@@ -174,11 +174,11 @@ struct RecordingWriter::State {
     std::string name;
     int opened = -1;
     for (int attempt = 0; opened < 0 && attempt < 1000; ++attempt) {
-      // A run that begins in the same second gets another stamp; a part that a killed server left
-      // without its beginning is passed over.
+      // A run that begins in the same second gets another stamp, which sorts behind; a part that a
+      // killed server left without its beginning is passed over.
       if (is_new_run) {
         stem = absl::StrCat(spec.crowd, ".", utc_stamp());
-        if (attempt > 0) absl::StrAppend(&stem, "-", attempt + 1);
+        if (attempt > 0) absl::StrAppendFormat(&stem, "-%04d", attempt + 1);
         part = 0;
       }
       name = absl::StrFormat("%s.%04u.trec", stem, ++part);

@@ -1,10 +1,12 @@
 #include "server/scene/registry.hpp"
 
+#include <absl/strings/str_cat.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <filesystem>
+#include <thread>
 #include <utility>
 
 #include "tests/support/temporary_folder.hpp"
@@ -359,6 +361,33 @@ TEST_F(RegistryRecordingTest, ARemovedCrowdKeepsItsFilesAndStaysRemoved) {
   recording->resume();
   ASSERT_EQ(recording->list().size(), 1U);
   EXPECT_EQ(recording->list()[0].run_id, "three");
+}
+
+TEST_F(RegistryRecordingTest, WhoComesWhileACrowdOfThatNameIsRemovedIsNotRemovedToo) {
+  for (int round = 0; round < 20; ++round) {
+    auto producer = *recording->start(start_of("hall", absl::StrCat("old", round)), [] {});
+    ASSERT_TRUE(producer->push(frame_of(0, {{1, 2, 0}})).ok());
+    producer.reset();
+    const std::shared_ptr<NamedCrowd> old = *recording->find("hall");
+    std::thread removing([&] { EXPECT_TRUE(recording->remove("hall").ok()); });
+    while (!old->deleted()) std::this_thread::yield();
+    // its recording is being written to the end
+    auto next = recording->start(start_of("hall", absl::StrCat("new", round)), [] {});
+    while (absl::IsUnavailable(next.status())) {
+      std::this_thread::yield();
+      next = recording->start(start_of("hall", absl::StrCat("new", round)), [] {});
+    }
+    EXPECT_TRUE(next.ok()) << next.status();
+    const bool is_pushed = next.ok() && (*next)->push(frame_of(0, {{1, 2, 0}})).ok();
+    removing.join();
+    ASSERT_TRUE(is_pushed);
+    next->reset();
+    recording = started();
+    recording->resume();
+    ASSERT_EQ(recording->list().size(), 1U) << "round " << round;
+    EXPECT_EQ(recording->list()[0].run_id, absl::StrCat("new", round));
+    ASSERT_TRUE(recording->remove("hall").ok());
+  }
 }
 
 TEST_F(RegistryRecordingTest, ARunComesBackWithoutAnAreaThatCanNotBeBuilt) {
