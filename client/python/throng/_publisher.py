@@ -109,7 +109,8 @@ class Publisher:
     def scene(self, wkt: Optional[str] = None) -> bool:
         """Tells what the agents walk in: one WKT polygon, multipolygon or collection, in the unit and
         axes told to `connect` (without `origin`: these are absolute), perhaps followed by surfaces such as
-        `throng.sumo.streets` gives. Returns False if it was refused."""
+        `throng.sumo.streets` gives. Returns False if it was refused. What only the server finds wrong or too
+        large is told as a warning, and the agents are shown without it."""
         try:
             if wkt is not None:
                 self._sender.set_environment(self._axes.wkt(str(wkt)))

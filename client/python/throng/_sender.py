@@ -221,6 +221,8 @@ class Sender:
             if session.completed and code is None:
                 self._run = next_run  # time went back
                 continue
+            elif code is not None and self._drop_environment(session, code, detail):
+                back_off_s = FIRST_BACK_OFF_S
             elif code is not None:
                 self._report(f"rpc-{code}", f"publish: {self._said(code, detail)}")
                 self._reclaim = session.accepted and broken
@@ -229,6 +231,21 @@ class Sender:
             # Full jitter: many producers of one server must not come back all at once.
             self._sleep(back_off_s * random.uniform(0.5, 1.0))
             back_off_s = min(2 * back_off_s, LAST_BACK_OFF_S)
+
+    def _drop_environment(self, session: _Session, code: str, detail: str) -> bool:
+        """Whether the server ended a stream for what stands around the agents: they go on without it."""
+        if code not in ("INVALID_ARGUMENT", "RESOURCE_EXHAUSTED"):
+            return False
+        # the server's words, or gRPC's of a message too long for any of its fields to be looked at
+        if "environment.walkable_area_wkt" not in detail and "larger than max" not in detail:
+            return False
+        with self._changed:
+            if self._environment is None or session.environment_version < 0:
+                return False
+            if session.environment_version == self._environment_version:
+                self._environment = None
+        self._report("environment", f"publish: crowd {self._crowd!r} is shown without its surroundings: {detail}")
+        return True
 
     def _said(self, code: str, detail: str) -> str:
         """What went wrong with a stream, and what to do about it."""

@@ -72,6 +72,7 @@ class IngestServer(ingest_pb2_grpc.IngestServiceServicer):
         self.half_closes = 0
         self.forget_membership_once = False          # acks the next frame as of an unknown epoch
         self.refuse: Optional[grpc.StatusCode] = None
+        self.max_environment_bytes = 4 << 20
         self.break_after: Optional[int] = None       # frames after which a stream is aborted, once
         self.reading = threading.Event()             # cleared: the server stops reading after start
         self.reading.set()
@@ -121,6 +122,8 @@ class IngestServer(ingest_pb2_grpc.IngestServiceServicer):
                 elif kind == "environment":
                     self.environments.append(request.environment.walkable_area_wkt)
                 self.changed.notify_all()
+            if kind == "environment" and size > self.max_environment_bytes:
+                context.abort(grpc.StatusCode.RESOURCE_EXHAUSTED, f"environment.walkable_area_wkt: {size} bytes")
             if kind == "start":
                 yield ingest_pb2.PublishAgentsResponse(start=ingest_pb2.StartAck(
                     server_run_id="test", max_chunk_bytes=self.max_chunk_bytes, max_agents=self.max_agents))

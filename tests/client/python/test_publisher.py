@@ -300,6 +300,22 @@ def test_more_agents_than_the_server_takes_are_left_out_with_a_message(make_serv
     assert "3 agents, the server takes 2" in pub.stats.last_error
 
 
+@pytest.mark.parametrize("points", [400, 600_000])  # more than the server takes, more than a message may have
+def test_agents_are_shown_without_a_site_that_the_server_refuses(server, caplog, points):
+    server.max_environment_bytes = 1000
+    with throng.connect(server.url) as pub:
+        pub.scene("POLYGON ((" + ",".join(f"{x} 0" for x in range(points)) + "))")
+        for step in range(400):
+            pub.publish(0.1 * step, [1], [(step, 0)])
+            with server.changed:
+                if server.changed.wait_for(lambda: server.frames, 0.05):
+                    break
+        pub.scene("POLYGON ((0 0, 9 0, 9 9, 0 0))")
+        server.wait(lambda s: s.environments[-1:] == ["POLYGON ((0 0, 9 0, 9 9, 0 0))"])
+    assert server.frames
+    assert sum("shown without its surroundings" in record.message for record in caplog.records) == 1
+
+
 def test_refusal_is_logged_with_the_servers_words(server, caplog, monkeypatch):
     monkeypatch.setattr(_sender, "FIRST_BACK_OFF_S", 0.01)
     server.refuse = grpc.StatusCode.ALREADY_EXISTS
