@@ -5,7 +5,9 @@
 // there is no device. Device memory is the host's, filled with rubbish; streams run at once.
 //
 // Threads that wait for one another (barriers, votes, shuffles) are fibers, each run until it
-// waits. Not for speed, and not thread safe.
+// waits. With THRONG_CUDA_BACKWARDS set, blocks and threads run from the last to the first: what
+// comes out must be the same, or something did not wait that should have. Not for speed, and not
+// thread safe.
 #include <ucontext.h>
 
 #include <algorithm>
@@ -96,6 +98,12 @@ inline void capture(const char* node) {
 /// How often a graph was made anew, and how often the one before was taken with new arguments.
 inline int graphs_made = 0, graphs_updated = 0;
 
+/// The i-th of `count` blocks or threads in the order in which they run.
+inline unsigned in_order(unsigned i, unsigned count) {
+  static const bool backwards = std::getenv("THRONG_CUDA_BACKWARDS") != nullptr;
+  return backwards ? count - 1 - i : i;
+}
+
 /// The threads of one block.
 class Block {
  public:
@@ -130,7 +138,8 @@ class Block {
       makecontext(&fiber.context, &Block::enter, 0);
     }
     for (std::size_t left = fibers_.size(); left > 0;) {
-      for (unsigned i = 0; i < fibers_.size(); ++i) {
+      for (unsigned k = 0; k < fibers_.size(); ++k) {
+        const unsigned i = in_order(k, static_cast<unsigned>(fibers_.size()));
         if (fibers_[i].done) continue;
         resume(i);
         if (fibers_[i].done) --left;
@@ -252,7 +261,7 @@ inline void launch(const char* name, unsigned blocks, unsigned threads, std::siz
   blockDim = {threads, 1, 1};
   Block block(threads, shared_bytes, kernel);
   for (unsigned b = 0; b < blocks; ++b) {
-    blockIdx = {b, 0, 0};
+    blockIdx = {in_order(b, blocks), 0, 0};
     block.run();
   }
 }
@@ -267,9 +276,9 @@ inline void launch_apart(const char* name, unsigned blocks, unsigned threads,
   gridDim = {blocks, 1, 1};
   blockDim = {threads, 1, 1};
   for (unsigned b = 0; b < blocks; ++b) {
-    blockIdx = {b, 0, 0};
+    blockIdx = {in_order(b, blocks), 0, 0};
     for (unsigned t = 0; t < threads; ++t) {
-      threadIdx = {t, 0, 0};
+      threadIdx = {in_order(t, threads), 0, 0};
       kernel();
     }
   }
