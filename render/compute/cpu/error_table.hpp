@@ -9,7 +9,7 @@
 namespace throng::render {
 
 /// The fewest vertices with which a character is off by so much (element::error_step), by the law
-/// through the errors that were recorded when it was baked, near full detail by themselves.
+/// through the errors that were recorded when it was baked.
 struct ErrorTable {
   static constexpr std::uint32_t kSteps = element::kErrorSteps;
   std::array<std::uint32_t, kSteps> vertex_count{};  // legal
