@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <fstream>
 #include <iterator>
+#include <map>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -30,7 +31,8 @@ Examples:
   throng-view --crowd station --screenshot station.png
   throng-view --crowd station --script tour.txt --json --patience 120
   throng-view --server grpcs://host:7447 --ca-file ca.pem --token-file token
-  throng-view --crowd station --scale 1.5 --fps 60 --vertex-budget 2000000 --pictures shots
+  throng-view --crowd station --scale 1.5 --fps 60 --sharpness fine --vertex-budget 2000000
+  throng-view --crowd station --pictures shots
 
 A script has lines such as: wait frames>2, click 640 380, drag 100 100 300 120 right, wheel 3 640 380,
 key T, press W, release W, size 800 600, state out.jsonl, screenshot out.png.
@@ -90,6 +92,11 @@ int main(int argc, char** argv) {
   app.add_option("--vertex-budget", settings.viewer.vertex_budget,
                  "Vertices per frame (0: the server decides)")
       ->capture_default_str();
+  app.add_option("--sharpness", settings.viewer.sharpness,
+                 "Pixels drawn for each of the window's, along a side: half for a slow network, "
+                 "fine for less aliasing")
+      ->transform(CLI::CheckedTransformer(
+          std::map<std::string, double>{{"half", 0.5}, {"normal", 1.0}, {"fine", 2.0}}));
   app.add_option("--pictures", settings.pictures, "Folder that P and R save to")
       ->capture_default_str()
       ->type_name("DIR");

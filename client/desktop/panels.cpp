@@ -173,6 +173,13 @@ void draw_display(Viewer& viewer, Panels& panels) {
   if (ImGui::Combo("vertices", &budget, kBudgetNames, 4)) {
     viewer.set_vertex_budget(kBudgets[budget]);
   }
+  static constexpr double kSharpness[] = {0.5, 1.0, 2.0};
+  static const char* const kSharpnessNames[] = {"half", "normal", "fine"};
+  int sharpness = viewer.sharpness() < 1.0 ? 0 : (viewer.sharpness() > 1.0 ? 2 : 1);
+  ImGui::SetNextItemWidth(140);
+  if (ImGui::Combo("sharpness", &sharpness, kSharpnessNames, 3)) {
+    viewer.set_sharpness(kSharpness[sharpness]);
+  }
   auto rate = static_cast<int>(std::lround(viewer.rate_hz()));
   ImGui::SetNextItemWidth(140);
   if (ImGui::SliderInt("frames / s", &rate, 1, 60)) viewer.set_rate(rate);

@@ -74,6 +74,7 @@ Viewer::Viewer(ViewLink& link, const ViewerSettings& settings)
       rate_hz_(settings.rate_hz),
       time_us_(settings.time_us.value_or(0)),
       vertex_budget_(settings.vertex_budget),
+      sharpness_(settings.sharpness),
       overlays_(settings.overlays) {
   camera_ = settings.held;
   if (!settings.camera || settings.camera->is_overview()) return;
@@ -118,15 +119,16 @@ void Viewer::add_overlays(v1::ViewOptions& options) const {
 void Viewer::add_size(v1::ViewOptions& options) const {
   const double most_x = has_limits_ ? limits_.max_width_px() : 4096.0;
   const double most_y = has_limits_ ? limits_.max_height_px() : 4096.0;
-  const glm::dvec2 window_px = glm::max(window_px_, glm::dvec2(1.0));
-  const double shrink = std::min({1.0, std::sqrt(kLargestPicturePx / (window_px.x * window_px.y)),
-                                  most_x / window_px.x, most_y / window_px.y});
+  const glm::dvec2 wanted_px = glm::max(sharpness_ * window_px_, glm::dvec2(1.0));
+  const double largest_px2 = kLargestPicturePx * std::max(1.0, sharpness_);
+  const double shrink = std::min({1.0, std::sqrt(largest_px2 / (wanted_px.x * wanted_px.y)),
+                                  most_x / wanted_px.x, most_y / wanted_px.y});
   const auto side = [&](double px, double most) {
     const double whole = std::max(16.0, std::round(px * shrink / 8.0) * 8.0);
     return static_cast<std::uint32_t>(std::min(whole, most));
   };
-  options.set_width_px(side(window_px.x, most_x));
-  options.set_height_px(side(window_px.y, most_y));
+  options.set_width_px(side(wanted_px.x, most_x));
+  options.set_height_px(side(wanted_px.y, most_y));
 }
 
 v1::ViewOptions Viewer::whole() const {
@@ -637,6 +639,12 @@ void Viewer::set_vertex_budget(std::uint64_t budget) {
   vertex_budget_ = budget;
   if (!change_) change_.emplace();
   change_->set_vertex_budget(budget);
+}
+
+void Viewer::set_sharpness(double sharpness) {
+  sharpness_ = sharpness;
+  if (!change_) change_.emplace();
+  add_size(*change_);
 }
 
 void Viewer::set_shadows(bool enabled) {

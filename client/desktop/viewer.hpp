@@ -34,6 +34,7 @@ struct ViewerSettings {
   double speed = 1.0;
   double rate_hz = 30.0;
   std::uint64_t vertex_budget = 0;
+  double sharpness = 1.0;  // pixels drawn for each of the window's, along a side
   std::bitset<kOverlays> overlays;
 };
 
@@ -83,6 +84,7 @@ class Viewer {
   void fit_range() { range_is_auto_ = true; }
   void set_rate(double rate_hz);
   void set_vertex_budget(std::uint64_t budget);
+  void set_sharpness(double sharpness);
   void set_shadows(bool enabled);
   void toast(const std::string& text) { toast_ = text, toast_until_s_ = now_s_ + 3.0; }
   void retry_now() { link_.retry_now(); }
@@ -105,6 +107,7 @@ class Viewer {
   double speed() const { return speed_; }
   double rate_hz() const { return rate_hz_; }
   std::uint64_t vertex_budget() const { return vertex_budget_; }
+  double sharpness() const { return sharpness_; }
   bool shadows() const { return shadows_; }
   bool shows(Overlay overlay) const { return overlays_.test(static_cast<std::size_t>(overlay)); }
   bool live() const { return is_live_; }
@@ -162,6 +165,7 @@ class Viewer {
   double speed_ = 1.0, low_ = 0.0, high_ = 2.0, rate_hz_ = 30.0;
   std::int64_t time_us_ = 0;
   std::uint64_t vertex_budget_ = 0;
+  double sharpness_ = 1.0;
   std::bitset<kOverlays> overlays_;
 
   struct Glide {

@@ -250,6 +250,13 @@ def test_the_picture_fits_the_window_and_p_saves_it(view, tmp_path):
     assert len(saved) == 1 and Image.open(saved[0]).size == (512, 512)
 
 
+@pytest.mark.parametrize("sharpness, factor", [("half", 0.5), ("normal", 1), ("fine", 2)])
+def test_sharpness_is_pixels_for_each_of_the_windows(view, sharpness, factor):
+    last = view("wait frames>1", "--sharpness", sharpness)[-1]
+    assert last["width_px"] == pytest.approx(640 * factor, abs=8)
+    assert last["height_px"] == pytest.approx(360 * factor, abs=8)
+
+
 def test_r_records_a_video_until_the_size_changes(view, tmp_path):
     view("""
         wait frames>2
