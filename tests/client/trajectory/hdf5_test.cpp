@@ -25,7 +25,7 @@ struct Row {
 class Hdf5Test : public FileTest {
  protected:
   std::string make(const std::string& name, const std::vector<Row>& rows, double fps,
-                   const char* x_name = "x", hsize_t promised = 0) const {
+                   const char* x_name = "x", hsize_t promised = 0, hsize_t chunk = 1) const {
     const hid_t file = H5Fcreate(path(name).c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
     const hid_t type = H5Tcreate(H5T_COMPOUND, sizeof(Row));
     H5Tinsert(type, "frame", HOFFSET(Row, frame), H5T_NATIVE_UINT32);
@@ -33,8 +33,9 @@ class Hdf5Test : public FileTest {
     H5Tinsert(type, x_name, HOFFSET(Row, x), H5T_NATIVE_DOUBLE);
     H5Tinsert(type, "y", HOFFSET(Row, y), H5T_NATIVE_DOUBLE);
     H5Tinsert(type, "z", HOFFSET(Row, z), H5T_NATIVE_DOUBLE);
-    const hsize_t size = rows.size(), length = promised > 0 ? promised : size, chunk = 1;
-    const hid_t space = H5Screate_simple(1, &length, nullptr);
+    const hsize_t size = rows.size(), length = promised > 0 ? promised : size;
+    const hsize_t any = H5S_UNLIMITED;
+    const hid_t space = H5Screate_simple(1, &length, &any);
     const hid_t creation = H5Pcreate(H5P_DATASET_CREATE);
     H5Pset_chunk(creation, 1, &chunk);
     const hid_t data =
@@ -77,6 +78,16 @@ TEST_F(Hdf5Test, ReadsColumnsByNameAndRateOfItsAttribute) {
   EXPECT_THAT(reading.frames[1].x_m, ElementsAre(1.6, 3.0));
   EXPECT_TRUE(reading.frames[1].z_m.empty());
   EXPECT_EQ(reading.frames[1].time_us, 40000);
+}
+
+/// As h5py and JuPedSim write tables that grow.
+TEST_F(Hdf5Test, TheLastChunkNeedNotBeFull) {
+  for (const hsize_t chunk : {2u, 3u, 256u}) {
+    const Reading reading = read_all(make("a.h5", rows_, 25, "x", 0, chunk));
+    ASSERT_TRUE(reading.status.ok()) << reading.status;
+    EXPECT_EQ(reading.frames.size(), 2u);
+  }
+  expect_error(read_all(make("a.h5", rows_, 25, "x", 257, 256)).status, {"257 rows"});
 }
 
 TEST_F(Hdf5Test, ContradictionsAndMissingRateAreErrors) {
