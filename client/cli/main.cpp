@@ -243,17 +243,28 @@ int main(int argc, char** argv) {
       app.add_subcommand("convert", "Write a trajectory file in another format");
   convert_app->add_option("input", convert.input, "JuPedSim sqlite, archive text, CSV, ...")
       ->required();
-  convert_app->add_option("output", convert.output, "run.csv, run.sqlite (JuPedSim) or run.txt")
+  convert_app
+      ->add_option(
+          "output", convert.output,
+          "run.csv, run.sqlite or run.h5 (JuPedSim), run.txt (archive), run.traj (Vadere), "
+          "run.xml (SUMO), run.scb (Menge), run.ndjson (TrajNet++); text may end with .gz")
       ->required();
-  convert_app->add_option("--to", convert.format, "Format to write, where the name does not tell")
+  convert_app
+      ->add_option(
+          "--to", convert.format,
+          "Format to write, where the name does not tell; .txt is archive text unless this "
+          "says obsmat (ETH)")
       ->check(CLI::IsMember(throng::trajectory::write_format_names()));
   convert_app
       ->add_option("--fps", convert.fps, "Rate of the written frames (default: as in the input)")
       ->check(CLI::Range(0.001, 10000.0));
   add_reading(*convert_app, convert.read, convert_unit, convert_z);
   convert_app->footer(
+      "What the written format cannot hold is told in one line each, or is an error.\n"
       "Examples:\n"
       "  throng convert fcd.xml.gz walk.csv\n"
+      "  throng convert run.sqlite fcd.xml.gz\n"
+      "  throng convert run.csv eth.txt --to obsmat\n"
       "  throng convert walk.txt walk.sqlite --source-fps 16 --source-unit cm\n"
       "  throng convert run.sqlite run.dat --to archive-text\n"
       "  throng convert hills.txt hills.csv --format archive-text --z ground --fps 5");
