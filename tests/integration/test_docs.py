@@ -209,7 +209,7 @@ def removes(place, command, request):
 EXPECTED = {
     "./deploy/demo": elsewhere("tests/integration/test_demo.py"),
     "./deploy/test": elsewhere("deploy/test"),  # runs this
-    "throng-server --listen 127.0.0.1:7447": serves("ready on 127.0.0.1:"),
+    "throng-server --listen 127.0.0.1:7447 --http 127.0.0.1:7480": serves("page at http://127.0.0.1:"),
     "throng-server --http 127.0.0.1:7480": serves("page at http://127.0.0.1:"),
     "throng-server --record runs": records_a_run,
     "throng publish runs/station.20260131T120000Z.0001.trec --crowd again": plays_a_recording,
