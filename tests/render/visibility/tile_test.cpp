@@ -232,6 +232,16 @@ TEST(TileTest, HiddenOnlyBehindEverySampleOfTheCells) {
   EXPECT_TRUE(hidden(*planes, 0, 0, 63, 63, 0.2F));
 }
 
+TEST(TileTest, NoVerticesFallNowhere) {
+  const Camera camera{.eye_world = {0, 0, 0}, .target_world = {0, 1, 0}};
+  const SampleGrid grid{clip_from_relative(camera, {640, 360}), 1280, 720};
+  Projected projected;
+  const Footprint none = project_vertices(grid, nullptr, 7, 7, projected);
+  EXPECT_GT(none.x_low, none.x_high);
+  EXPECT_GT(none.y_low, none.y_high);
+  EXPECT_FALSE(none.clipped);
+}
+
 TEST(TileTest, ProjectionGivesTheSameBytesOnEveryTarget) {
   std::mt19937 random(5);
   std::normal_distribution<float> normal;

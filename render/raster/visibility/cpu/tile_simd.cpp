@@ -1138,6 +1138,8 @@ HWY_EXPORT(SimdName);
 
 Footprint project_vertices(const SampleGrid& grid, const BatchVertex* vertices, std::size_t begin,
                            std::size_t end, Projected& projected) {
+  // who is drawn in another form, or not at all, falls nowhere
+  if (begin == end) return {0, 0, -1, -1, 0.0F, false};
   return HWY_DYNAMIC_DISPATCH(ProjectVertices)(grid, vertices, begin, end, projected);
 }
 
